@@ -3,7 +3,7 @@
 from physics.beam import Beam
 from physics.cubic import Cubic
 from physics.equilibrium import Equilibrium, NoEquilibrium
-from physics.exact import BeyondLaw, Exact, ExactPull, Hold, Law, Linear, NeoHooke
+from physics.exact import BeyondLaw, Exact, ExactPull, Exponential, Hold, Law, Linear, NeoHooke
 from physics.fem import Fem
 from physics.fitted_q import FITTED_Q, FittedQ, fitted_to
 from physics.ligament_section import LigamentSection, ligament
@@ -39,6 +39,7 @@ __all__ = [
     "Equilibrium",
     "Exact",
     "ExactPull",
+    "Exponential",
     "Fem",
     "FittedQ",
     "Hold",

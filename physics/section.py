@@ -123,7 +123,7 @@ def lateral_constant(poisson_ratio: float) -> float:
 
 
 def _lateral_stretch(stretch: NDArray[np.float64], poisson_ratio: float) -> NDArray[np.float64]:
-    """Return the lateral stretch of a neo-Hookean bar; see `neo_hooke_law.fibre`."""
+    """Return the lateral stretch of a neo-Hookean bar; see `fibre_laws.fibre`."""
     ratio = (1.0 - 2.0 * poisson_ratio) / (2.0 * (1.0 + poisson_ratio))
     j = np.ones_like(stretch)
     for _ in range(60):

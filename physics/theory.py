@@ -5,7 +5,7 @@ from typing import ClassVar, Literal, Protocol, get_args
 
 from physics.beam import Beam
 from physics.cubic import Cubic
-from physics.exact import Exact, Law, Linear, NeoHooke
+from physics.exact import Exact, Exponential, Law, Linear, NeoHooke
 from physics.fem import Fem
 from physics.mass_spring import MassSpring
 from physics.pull import Pull
@@ -13,7 +13,7 @@ from physics.taut_string import TautString
 
 __all__ = ["THEORIES", "LawName", "Theory", "law_named", "theory_named"]
 
-LawName = Literal["linear", "neo-hooke"]
+LawName = Literal["linear", "neo-hooke", "exponential"]
 
 
 class Theory(Protocol):
@@ -42,23 +42,28 @@ def theory_named(
     q: float | Literal["fitted"] | None = None,
     shear: bool = False,
     law: LawName | None = None,
+    stiffening: float | None = None,
 ) -> Theory:
     """Return the theory of that name."""
     if name not in THEORIES:
         raise ValueError(f"unknown theory {name!r}; there are: {', '.join(THEORIES)}")
     if q is not None and name != "cubic":
         raise ValueError(f"q belongs to the cubic theory, the {name} theory has none")
-    if (shear or law is not None) and name != "exact":
+    if (shear or law is not None or stiffening is not None) and name != "exact":
         raise ValueError(f"shear and law belong to the exact theory, the {name} theory has none")
     if name == "cubic" and q is not None:
         return Cubic(q=q)
     if name == "exact":
-        return Exact(law_named(law or "linear", shear=shear))
+        return Exact(law_named(law or "linear", shear=shear, stiffening=stiffening))
     return THEORIES[name]()
 
 
-def law_named(name: str, *, shear: bool = True) -> Law:
+def law_named(name: str, *, shear: bool = True, stiffening: float | None = None) -> Law:
     """Return the law of a wall of that name; `shear` only matters to the linear one."""
     if name not in get_args(LawName):
         raise ValueError(f"law must be one of {', '.join(get_args(LawName))}, got {name!r}")
+    if (name == "exponential") != (stiffening is not None):
+        raise ValueError("the exponential law has a stiffening, and the others have none")
+    if stiffening is not None:
+        return Exponential(stiffening)
     return NeoHooke() if name == "neo-hooke" else Linear(shear=shear)

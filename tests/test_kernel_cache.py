@@ -78,7 +78,7 @@ def test_machine_code_follows_the_files_that_its_kernel_calls(tmp_path: Path) ->
 
 def test_kernels_are_stamped_by_all_that_they_call() -> None:
     names = {each.name for each in kernel_cache.sources(Path(newton.__file__))}
-    assert names >= {"newton.py", "points.py", "linear_law.py", "neo_hooke_law.py", "symbols.py"}
+    assert names >= {"newton.py", "points.py", "linear_law.py", "fibre_laws.py", "symbols.py"}
     names = {each.name for each in kernel_cache.sources(Path(jacobian.__file__))}
     assert "outline_distance.py" in names
 

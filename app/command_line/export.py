@@ -14,6 +14,7 @@ from app.command_line.load import (
     Grasp,
     Law,
     Shear,
+    Stiffening,
     TheoryName,
     chosen_theory,
     organ_from,
@@ -64,6 +65,7 @@ def export(
     q: AxialCoupling = None,
     shear: Shear = False,
     law: Law = None,
+    stiffening: Stiffening = None,
     torn: Annotated[
         bool, typer.Option("--torn", help="The two pieces after the duct has torn, still.")
     ] = False,
@@ -120,11 +122,14 @@ def export(
         with_law(
             chosen_preset(preset) if preset else default_preset(tissue),
             None if in_bed.bed is None else law,
+            None if in_bed.bed is None else stiffening,
         ),
         tissue,
         None if in_bed.bed is None else bed_named(in_bed.bed),
         bed_seed=in_bed.seed,
-        theory=None if in_bed.bed is not None else chosen_theory(theory, q=q, shear=shear, law=law),
+        theory=None
+        if in_bed.bed is not None
+        else chosen_theory(theory, q=q, shear=shear, law=law, stiffening=stiffening),
     )
     span = specimen.beam.span
     edges = 0.5 if edge_length is None else edge_length

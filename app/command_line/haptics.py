@@ -206,7 +206,7 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     run = read_device_run(content)
     tissue = None if run.organ_sha256 is None else organ_from(organ)
     specimen = Specimen.of_sections(
-        with_law(chosen_preset(run.preset), run.theory.law),
+        with_law(chosen_preset(run.preset), run.theory.law, run.theory.stiffening),
         tissue,
         None if run.bed is None else bed_named(run.bed),
         bed_seed=run.bed_seed,

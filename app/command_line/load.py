@@ -32,8 +32,13 @@ Shear = Annotated[bool, typer.Option("--shear", help="Exact: let sections shear.
 Law = Annotated[
     str | None,
     typer.Option(
-        help="Exact: linear or neo-hooke (with shear); linear if not given. Bed: the preset's own."
+        help="Exact: linear, neo-hooke or exponential (with shear); linear if not given. Bed: the "
+        "preset's own."
     ),
+]
+Stiffening = Annotated[
+    float | None,
+    typer.Option(help="Exponential law: beta of sigma = alpha (e^(beta eps) - 1)."),
 ]
 
 __all__ = [
@@ -43,6 +48,7 @@ __all__ = [
     "Grasp",
     "Law",
     "Shear",
+    "Stiffening",
     "TheoryName",
     "chosen_theory",
     "duct_of",
@@ -83,27 +89,34 @@ def duct_of(preset: str | None, organ: Path | None) -> "Preset":
     return chosen_preset(preset or (THESIS_PRESET if organ is None else ASSUMED_PRESET))
 
 
-def with_law(preset: "Preset", law: str | None) -> "Preset":
+def with_law(preset: "Preset", law: str | None, stiffening: float | None = None) -> "Preset":
     """Return a preset with another law of its wall in space, if one is given."""
     from msgspec.structs import replace
 
-    if law is None:
+    if law is None and stiffening is None:
         return preset
-    return replace(preset, law=_law_name(law))
+    return replace(preset, law=_law_name(law or preset.law), stiffening=stiffening)
 
 
 def specimen_from(
-    preset: str | None, organ: Path | None, *, law: str | None = None, **settings: Any
+    preset: str | None,
+    organ: Path | None,
+    *,
+    law: str | None = None,
+    stiffening: float | None = None,
+    **settings: Any,
 ) -> "Specimen":
     """Return a specimen by a preset and an organ's file; the shipped organ where one is needed."""
     from app.simulation import RoundBeam, Specimen
 
-    duct = with_law(duct_of(preset, organ), law)
+    duct = with_law(duct_of(preset, organ), law, stiffening)
     needed = organ is not None or not isinstance(duct.beam, RoundBeam)
     return Specimen.of_sections(duct, organ_from(organ) if needed else None, **settings)
 
 
-def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> "Theory":
+def chosen_theory(
+    name: str, *, q: str | None, shear: bool, law: str | None, stiffening: float | None = None
+) -> "Theory":
     """Return the theory that the options ask for."""
     from physics import theory_named
 
@@ -113,7 +126,7 @@ def chosen_theory(name: str, *, q: str | None, shear: bool, law: str | None) -> 
         number = None if q is None else "fitted" if q == "fitted" else float(q)
     except ValueError:
         raise ValueError(f"--q must be a number or 'fitted', not {q}") from None
-    return theory_named(name, q=number, shear=shear, law=chosen)
+    return theory_named(name, q=number, shear=shear, law=chosen, stiffening=stiffening)
 
 
 def _law_name(law: str) -> "LawName":
@@ -127,12 +140,14 @@ def _law_name(law: str) -> "LawName":
 
 def theory_options(theory: "Theory") -> dict[str, object]:
     """Return a theory's options, to be named beside it."""
-    from physics import Cubic, Exact
+    from physics import Cubic, Exact, Exponential
 
     if isinstance(theory, Cubic):
         return {"q": theory.q}
     if isinstance(theory, Exact):
-        return {"shear": theory.law.shear, "law": theory.law.name}
+        law = theory.law
+        more = {"stiffening": law.stiffening} if isinstance(law, Exponential) else {}
+        return {"shear": law.shear, "law": law.name, **more}
     return {}
 
 

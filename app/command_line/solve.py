@@ -14,6 +14,7 @@ from app.command_line.load import (
     Grasp,
     Law,
     Shear,
+    Stiffening,
     TheoryName,
     chosen_theory,
     specimen_from,
@@ -54,6 +55,7 @@ def solve(
     q: AxialCoupling = None,
     shear: Shear = False,
     law: Law = None,
+    stiffening: Stiffening = None,
     threshold: Annotated[
         float | None,
         typer.Option(help="Stress at which it breaks, MPa; the preset's own if not given."),
@@ -77,7 +79,9 @@ def solve(
     of_pull |= {"--theory": theory != "cubic" or None}
     in_bed.check(of_bed={"-o": output}, of_pull=of_pull)
     if in_bed.bed is not None:
-        _solve_in_bed(in_bed.bed, in_bed, preset, organ, threshold, output, law, as_json=as_json)
+        _solve_in_bed(
+            in_bed.bed, in_bed, preset, organ, threshold, output, (law, stiffening), as_json=as_json
+        )
         return
     from physics import Beam, break_of, check_rupture, critical_stations
     from physics.quantity import positive
@@ -91,7 +95,7 @@ def solve(
     ):
         if value is not None and most < abs(value) < math.inf:
             raise ValueError(f"{name} can be at most {most:g} {unit}, got {value:g} {unit}")
-    chosen = chosen_theory(theory, q=q, shear=shear, law=law)
+    chosen = chosen_theory(theory, q=q, shear=shear, law=law, stiffening=stiffening)
     round_beam = {
         "--span": span,
         "--diameter": diameter,
@@ -199,7 +203,7 @@ def _solve_in_bed(
     organ: Path | None,
     threshold: float | None,
     output: Path | None,
-    law: str | None,
+    law: tuple[str | None, float | None],
     *,
     as_json: bool,
 ) -> None:
@@ -215,7 +219,8 @@ def _solve_in_bed(
     specimen = specimen_from(
         preset,
         organ,
-        law=law,
+        law=law[0],
+        stiffening=law[1],
         bed=bed_named(name),
         bed_seed=options.seed,
         threshold_MPa=threshold,

@@ -117,6 +117,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     poisson_ratio: float = 0.3
     # of the wall where the duct is a beam in space
     law: LawName = "neo-hooke"
+    stiffening: float | None = None  # of the exponential law
     # at mid-span; each theory's threshold is fitted to it
     break_force_N: float | None = None  # noqa: N815
     break_stress_MPa: float | None = None  # the threshold in every theory  # noqa: N815
@@ -134,6 +135,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         _check(self, "modulus_factor", "strength_factor")
         if (self.break_force_N is None) == (self.break_stress_MPa is None):
             raise ValueError("a preset must have either break_force_N or break_stress_MPa")
+        law_named(self.law, stiffening=self.stiffening)
         if not self.name.strip():
             raise ValueError("a preset must have a name")
         for each, most in ((self.name, 80), (self.title, 120), (self.description, 1000)):
@@ -165,7 +167,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def law_in_space(self) -> Law:
         """The law of the wall where the duct is a beam in space."""
-        return law_named(self.law)
+        return law_named(self.law, stiffening=self.stiffening)
 
     def threshold(self, theory: Theory, beam: Beam) -> float:
         """Return a theory's threshold, MPa: as given, or its stress at the break force."""

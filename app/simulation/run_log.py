@@ -14,7 +14,7 @@ from app.simulation.exercise import Exercise, ExerciseInputs, Feedback, Outcome
 from app.simulation.measures import Measures
 from app.simulation.preset import Preset
 from organ_geometry import Organ
-from physics import Cubic, Exact, Theory, theory_named
+from physics import Cubic, Exact, Exponential, Theory, theory_named
 from physics.theory import LawName
 
 __all__ = [
@@ -82,6 +82,7 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
     q: float | Literal["fitted"] | None = None  # of the cubic
     shear: bool = False  # of the exact beam
     law: LawName | None = None  # of the exact beam
+    stiffening: float | None = None  # of the exponential law
 
     @classmethod
     def of(cls, theory: Theory) -> "TheoryChoice":
@@ -89,7 +90,9 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
         if isinstance(theory, Cubic):
             choice = cls(theory.name, q=theory.q)
         elif isinstance(theory, Exact):
-            choice = cls(theory.name, shear=theory.law.shear, law=theory.law.name)
+            law = theory.law
+            stiffening = law.stiffening if isinstance(law, Exponential) else None
+            choice = cls(theory.name, shear=law.shear, law=law.name, stiffening=stiffening)
         else:
             choice = cls(theory.name)
         if choice.theory() != theory:
@@ -98,7 +101,9 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def theory(self) -> Theory:
         """Return the theory."""
-        return theory_named(self.name, q=self.q, shear=self.shear, law=self.law)
+        return theory_named(
+            self.name, q=self.q, shear=self.shear, law=self.law, stiffening=self.stiffening
+        )
 
 
 class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

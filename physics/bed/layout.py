@@ -99,9 +99,12 @@ class Rest:
             inner = s.stiff[whole, shear] * within
             s.chord[whole, shear - 1] = np.where(inner > THIN, inner * inner, 0.0)
         if self.beam.fibres is not None:
+            # Their length is the chord's in all elements: else stiffening fibres would gain by what
+            # is left out of their shear.
             for column, shear in ((kernels.SOFT_2, 1), (kernels.SOFT_3, 2)):
+                soft = s.stiff[whole, shear] / self.stiffness[whole, shear]
                 s.wall[:, column] = 0.0
-                s.wall[whole, column] = s.stiff[whole, shear] / self.stiffness[whole, shear]
+                s.wall[whole, column], s.chord[whole, shear - 1] = soft, 1.0 - soft
             s.wall[~whole, kernels.STRENGTH] = 0.0
         kernels.set_arms(self.x, self.q, self.nodes, self.strands.ends[self.order], s.strand)
 

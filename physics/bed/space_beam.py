@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from physics.beam import Beam
 from physics.bed import kernels
 from physics.exact.exact import Law
+from physics.exact.fibre_laws import FibreLaw
 from physics.exact.linear_law import Linear
-from physics.exact.neo_hooke_law import NeoHooke
 from physics.quantity import finite, positive
 
 __all__ = ["HELD", "End", "SpaceBeam", "axis_line"]
@@ -193,7 +193,7 @@ class SpaceBeam:
         stations = beam.key_stations
         areas, moments, fibres, shear_areas, _ = beam.sections_at(stations)
         rows, e = None, beam.modulus
-        if isinstance(law, NeoHooke):
+        if isinstance(law, FibreLaw):
             own = shear_areas if beam.has_shear_areas else None
             both = (moments, moments), (fibres, fibres)
             rows, shear_areas = law.fibres_in_space(e, beam.poisson_ratio, areas, *both, own)

@@ -12,9 +12,9 @@ from physics.beam import Beam
 from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.exact import many, newton, sampling
 from physics.exact import symbols as at
+from physics.exact.fibre_laws import Exponential, NeoHooke
 from physics.exact.linear_law import Linear
 from physics.exact.mesh import element_bounds
-from physics.exact.neo_hooke_law import NeoHooke
 from physics.exact.points import fill_points
 from physics.exact.state import KERNEL, Array, State, new_state
 from physics.pull import Pull
@@ -23,7 +23,7 @@ from physics.rupture import BreakEvent, check_rupture, critical_stations
 
 __all__ = ["BeyondLaw", "Exact", "ExactPull", "Hold", "Law", "Reason"]
 
-Law = Linear | NeoHooke
+Law = Linear | NeoHooke | Exponential
 """What a section's forces are at its strains."""
 
 Reason = Literal["lost", "unstable", "gives way", "squeezed", "out of reach"]

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from kernel_cache import njit
 from physics.exact import newton, sampling
+from physics.exact.fibre_laws import FibreLaw, fibre_pull, shrinkage
 from physics.exact.linear_law import Linear
 from physics.exact.mesh import LAYER, steepness
-from physics.exact.neo_hooke_law import NeoHooke, fibre_pull, shrinkage
 from physics.exact.points import fill_points
 from physics.exact.state import KERNEL, Array, State, new_state
 from physics.exact.symbols import *
@@ -138,7 +138,8 @@ def _higher_inside(state: State, reach: float, highest: float) -> bool:
         lam, gam = points[LAM, k], points[GAM, k]
         lateral = shrinkage(lam, line[SHRINK], line[POISSON])[0]
         stretch = lam + abs(points[KAPPA, k]) * reach * lateral
-        if fibre_pull(stretch, gam, line[SHEAR_MODULUS], line[RATIO]) > NEARLY * highest:
+        pull = fibre_pull(stretch, gam, line[SHEAR_MODULUS], line[RATIO], line[STIFFENING])
+        if pull > NEARLY * highest:
             return True
     return False
 
@@ -173,7 +174,7 @@ def _read_stress(
                 lateral = shrinkage(lam, line[SHRINK], line[POISSON])[0]
                 stretch = lam + abs(samples[sampling.SAMPLE_KAPPA, k]) * reach * lateral
                 gam = samples[sampling.SAMPLE_GAM, k]
-                outer = fibre_pull(stretch, gam, line[SHEAR_MODULUS], line[RATIO])
+                outer = fibre_pull(stretch, gam, line[SHEAR_MODULUS], line[RATIO], line[STIFFENING])
                 total = max(outer, normal)
             # Of equal ones the grasp's, which is the last station.
             if total >= highest - 1e-9 * abs(highest):
@@ -355,7 +356,7 @@ def solve_ducts(
 
 
 def solve_exact_ducts(
-    law: Linear | NeoHooke,
+    law: Linear | FibreLaw,
     intervals: int,
     ducts: NDArray[np.float64],
     rings: list[Ring],
@@ -365,7 +366,7 @@ def solve_exact_ducts(
     """Return the (SOLVED_ROWS, N) solved of (DUCT_ROWS, N) ducts, given down to the row `NU`."""
     # `rings` have their areas and second moments, mm^2 and mm^4.
     ratios = ducts[NU].tolist()
-    if isinstance(law, NeoHooke):
+    if isinstance(law, FibreLaw):
         ducts[LATERAL] = lateral_constants(ducts[NU])
         for i, (ring, nu) in enumerate(zip(rings, ratios, strict=True)):
             distance, ducts[FIBRE_WEIGHT, i] = ring.fibres
@@ -388,6 +389,8 @@ def solve_exact_ducts(
         per_piece = intervals // 2
         elements = per_piece if half else 2 * per_piece
         state, fibres = new_state(elements, law.point_rows, law.fibre_rows)
+        if isinstance(law, FibreLaw):
+            state[3][STIFFENING] = law.stiffening
         even = np.linspace(0.0, 1.0, 41)
         # The clamps and the grasp, whose place is written for each duct; and all the way along.
         ends = np.array([0.0, 0.5] if half else [0.0, 1.0, 0.5])

@@ -435,7 +435,7 @@ def newton(
 @njit(**KERNEL)
 def _verdict(points: Array, fibres: Array | None, line: Array, grasp: int) -> int:
     """Return whether converged rotations are an equilibrium that pulling leads to."""
-    if fibres is not None:
+    if fibres is not None and line[STIFFENING] < 0.0:
         for i in range(fibres.shape[1]):
             if fibres[STRETCH, i] < LEAST_STRETCH:
                 return SQUEEZED
@@ -476,7 +476,7 @@ def rest(state: State, fibres: Array | None) -> None:
         line[entry] = 0.0
     if fibres is not None:
         for i in range(points.shape[1]):
-            for row in range(LAM, NEO_HOOKE_ROWS):
+            for row in range(LAM, FIBRE_LAW_ROWS):
                 points[row, i] = 0.0
             points[LAM, i] = 1.0
             points[LAM_N, i] = 1.0 / points[AREA, i]

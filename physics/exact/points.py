@@ -3,8 +3,8 @@
 import math
 
 from kernel_cache import njit
+from physics.exact.fibre_laws import fill_fibres, fill_of_fibres, fill_strains
 from physics.exact.linear_law import fill_linear
-from physics.exact.neo_hooke_law import fill_fibres, fill_neo_hooke, fill_strains
 from physics.exact.state import KERNEL, Array, State
 from physics.exact.symbols import *
 
@@ -83,7 +83,7 @@ def fill_points(state: State, fibres: Array | None, grasp: int, rounds: int) -> 
         for piece in range(3):
             first, last = last, _end(line, grasp, count, piece)
             fill_strains(points, fibres, first, last, h, line[P1 + piece], shrink, poisson)
-        fill_fibres(fibres, line[SHEAR_MODULUS], line[RATIO], rounds)
+        fill_fibres(fibres, line[SHEAR_MODULUS], line[RATIO], line[STIFFENING], rounds)
     last = int(0)
     for piece in range(3):
         first, last = last, _end(line, grasp, count, piece)
@@ -91,7 +91,7 @@ def fill_points(state: State, fibres: Array | None, grasp: int, rounds: int) -> 
         if fibres is None:
             fill_linear(points, first, last, h, p)
         else:
-            fill_neo_hooke(points, fibres, first, last, h, p, shrink, poisson)
+            fill_of_fibres(points, fibres, first, last, h, p, shrink, poisson, line[STIFFENING])
         if eccentric:
             add_offsets(points, first, last, h, p)
 

@@ -3,7 +3,7 @@
 import math
 
 from kernel_cache import njit
-from physics.exact.neo_hooke_law import fibre, fibre_energy, section_law, shrinkage
+from physics.exact.fibre_laws import fibre, fibre_energy, section_law, shrinkage
 from physics.exact.state import KERNEL, Array, State
 from physics.exact.symbols import *
 
@@ -13,7 +13,7 @@ SAMPLE_ROWS = 9
 
 
 @njit(**KERNEL)
-def _neo_hooke_strains(
+def _fibre_strains(
     points: Array,
     fibres: Array,
     line: Array,
@@ -28,18 +28,19 @@ def _neo_hooke_strains(
     # The curvature is given, or found from the moment; started from the strains at the point.
     count = points.shape[1]
     lam, gam = points[LAM, i], points[GAM, i]
-    g, ratio, shrink, poisson = line[SHEAR_MODULUS], line[RATIO], line[SHRINK], line[POISSON]
+    g, ratio, b = line[SHEAR_MODULUS], line[RATIO], line[STIFFENING]
+    shrink, poisson = line[SHRINK], line[POISSON]
     y = points[REACH, i]
     j0, j1, j2 = fibres[VOLUME, i], fibres[VOLUME, i + count], fibres[VOLUME, i + 2 * count]
     for _ in range(60):
         kyt = kappa * y * shrinkage(lam, shrink, poisson)[0]
         for _ in range(2):
-            j0 = fibre(lam, gam, j0, g, ratio)[0]
-            j1 = fibre(lam - kyt, gam, j1, g, ratio)[0]
-            j2 = fibre(lam + kyt, gam, j2, g, ratio)[0]
-        j0, p0, s0, g0, q0, c0 = fibre(lam, gam, j0, g, ratio)
-        j1, p1, s1, g1, q1, c1 = fibre(lam - kyt, gam, j1, g, ratio)
-        j2, p2, s2, g2, q2, c2 = fibre(lam + kyt, gam, j2, g, ratio)
+            j0 = fibre(lam, gam, j0, g, ratio, b)[0]
+            j1 = fibre(lam - kyt, gam, j1, g, ratio, b)[0]
+            j2 = fibre(lam + kyt, gam, j2, g, ratio, b)[0]
+        j0, p0, s0, g0, q0, c0 = fibre(lam, gam, j0, g, ratio, b)
+        j1, p1, s1, g1, q1, c1 = fibre(lam - kyt, gam, j1, g, ratio, b)
+        j2, p2, s2, g2, q2, c2 = fibre(lam + kyt, gam, j2, g, ratio, b)
         n1, t1, m, n_lam, n_gam, q_gam, n_k, q_k, m_k = section_law(
             lam,
             gam,
@@ -50,6 +51,7 @@ def _neo_hooke_strains(
             points[DEFICIT, i],
             shrink,
             poisson,
+            b,
             (p0, s0, g0, q0, c0),
             (p1, s1, g1, q1, c1),
             (p2, s2, g2, q2, c2),
@@ -167,7 +169,7 @@ def sample(
                     kappa = (moment + offset * n) / bending
             else:
                 nearer = i if u < 0.5 else j
-                lam, gam, kappa = _neo_hooke_strains(
+                lam, gam, kappa = _fibre_strains(
                     points, fibres, line, nearer, n, q, kappa, moment + offset * n, here
                 )
             if here:
@@ -212,11 +214,13 @@ def strain_energy(state: State, fibres: Array | None, grasp: int) -> float:
                     fibres[VOLUME, column],
                     line[SHEAR_MODULUS],
                     line[RATIO],
+                    line[STIFFENING],
                 )
             lam, gam = points[LAM, i], points[GAM, i]
             u = shrinkage(lam, line[SHRINK], line[POISSON])[0] / lam
-            density = points[AREA, i] * (
-                mean - 0.5 * points[DEFICIT, i] * (u * gam) ** 2 / (1.0 + gam * gam)
-            )
+            warping = gam * gam
+            if line[STIFFENING] < 0.0:
+                warping *= u * u / (1.0 + gam * gam)
+            density = points[AREA, i] * (mean - 0.5 * points[DEFICIT, i] * warping)
         energy += 0.5 * elements[LENGTH, i // 2] * density
     return energy

@@ -57,7 +57,7 @@ LINEAR_ROWS = 22
 # of them.
 AREA, REACH, WEIGHT, DEFICIT = range(19, 23)
 LAM, GAM, LAM_N, LAM_Q, GAM_Q, LAM_K, GAM_K, LAW_N, LAW_Q, LAW_K, STIFFNESS = range(23, 34)
-NEO_HOOKE_ROWS = 34
+FIBRE_LAW_ROWS = 34
 
 # Rows of `fibres`: three blocks of as many columns as `points`, the middle and the two outer ones.
 STRETCH, SHEAR, VOLUME, PULL, PULL_S, PULL_G, CROSS, CROSS_G = range(8)
@@ -66,12 +66,13 @@ FIBRE_ROWS = 8
 # Entries of `line`: the unknown forces (of the parts across), loads, negative pivots too many;
 # constants of the material; the last equilibrium before a failure; whether a centroid is off axis;
 # the compliance of the grips; the node of the second grasp (the last one when there is none), what
-# is prescribed there and how much; the length of the shorter part; room for the equations of the
+# is prescribed there and how much; the length of the shorter part; the exponential law's constant,
+# below zero by the neo-Hookean one; room for the equations of the
 # forces.
 H, P1, P2, P3, FORCE, DEFLECTION, FORCE_2, DEFLECTION_2, NEGATIVE = range(9)
 SHEAR_MODULUS, RATIO, SHRINK, POISSON, LAST_FORCE, LAST_DEFLECTION = range(9, 15)
 ECCENTRIC, COMPLIANCE, COMPLIANCE_2, SECOND, CONTROL_2, TARGET_2 = range(15, 21)
-SHORTER_PIECE, EQUATIONS = 21, 22
+SHORTER_PIECE, STIFFENING, EQUATIONS = 21, 22, 23
 LINE_SIZE = EQUATIONS + 20
 
 GAUSS = 0.5 / 3.0**0.5
@@ -91,7 +92,7 @@ FLOOR, FLAT = 1e-5, 1e-4
 """Force, in E A, and rotation, rad, below which updates are held against these: strains are
 differences from 1, so that the last digits of what is smaller are rounding."""
 LEAST_STRETCH = 0.02
-"""Stretch of a fibre of the section below which the neo-Hookean law is not followed."""
+"""Stretch of a fibre of the section below which laws of fibres are not followed."""
 MOST_STEPS = 14
 """Newton steps before a shorter move is tried."""
 FIRST_STEP = 0.05

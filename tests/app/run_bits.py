@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from any_code import any_code
+from msgspec.structs import replace
 from simulated import phantom
 from tubes import tube
 
@@ -34,13 +35,15 @@ def digests() -> list[str]:
     torn = read_any_run((RUNS / "version_3_torn.json").read_bytes())
     assert isinstance(torn, DissectionFile)
     found.append(run_json(DissectionReplay(torn.log, phantom(), vertices=300).run_file()))
-    session = BedSession(phantom(), preset_named("porcine-bile-duct"), bed_seed=3, vertices=300)
-    start = session.grab(0, 20.0)
-    assert start is not None
-    for tick in range(12):
-        session.move_hand(0, start + np.array([0.0, 0.3 * tick, 0.4 * tick]))
-        session.advance()
-    found.append(run_json(session.run_file()))
+    duct = preset_named("porcine-bile-duct")
+    for preset in (duct, replace(duct, law="exponential", stiffening=6.0)):
+        session = BedSession(phantom(), preset, bed_seed=3, vertices=300)
+        start = session.grab(0, 20.0)
+        assert start is not None
+        for tick in range(12):
+            session.move_hand(0, start + np.array([0.0, 0.3 * tick, 0.4 * tick]))
+            session.advance()
+        found.append(run_json(session.run_file()))
     way = np.linspace(0.0, 50.0, 101)
     line = np.stack([way, 3.0 * np.sin(way / 9.0), 2.0 * np.cos(way / 7.0)], axis=1)
     found.append(_bytes(*axis_line(line)))

@@ -363,7 +363,7 @@ def test_a_run_of_before_laws_plays_by_the_linear_one() -> None:
     assert bits(replay_end(json.dumps(tree).encode())) != bits(session)
 
 
-@pytest.mark.parametrize("preset", ["assumed-duct", "porcine-bile-duct"])
+@pytest.mark.parametrize("preset", ["assumed-duct", "porcine-bile-duct", "human-ureter"])
 @pytest.mark.parametrize("share", [0.25, 0.5])
 def test_a_duct_of_its_own_sections_is_torn_within_the_hand_s_reach(
     preset: str, share: float

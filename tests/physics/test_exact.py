@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from benchmarks.exact_sweep import random_case, sweep
 from physics import Beam, BeyondLaw, Exact, Linear, NeoHooke, TautString, VaryingBeam, theory_named
-from physics.exact import neo_hooke_law, newton
+from physics.exact import fibre_laws, newton
 from physics.exact.linear_law import fill_linear
 from physics.exact.points import fill_points, fill_sines
 from physics.exact.sampling import SAMPLE_ROWS, sample, strain_energy
@@ -333,7 +333,7 @@ def test_theory_names_what_is_wrong(wrong: dict[str, Any], message: str) -> None
 
 
 def test_an_unknown_law_is_named() -> None:
-    with pytest.raises(ValueError, match="law must be one of linear, neo-hooke, got 'cauchy'"):
+    with pytest.raises(ValueError, match="law must be one of linear, neo-hooke, exponential, got"):
         theory_named("exact", law=cast(Any, "cauchy"))
 
 
@@ -407,10 +407,14 @@ def test_kernels_are_their_python_form(theory: Exact, grasp: float) -> None:
     ends, samples = np.zeros((2, bounds.size)), np.zeros((SAMPLE_ROWS, 5))
     calls: list[tuple[Any, ...]] = [
         (fill_sines, points),
-        (neo_hooke_law.shrinkage, 1.4, 0.3, 0.3),
-        (neo_hooke_law.fibre, 1.3, 0.4, 1.1, 0.38, 0.15),
-        (neo_hooke_law.fibre_pull, 1.3, 0.4, 0.38, 0.15),
-        (neo_hooke_law.section_law, *law_of, five, five, five),
+        (fibre_laws.shrinkage, 1.4, 0.3, 0.3),
+        (fibre_laws.fibre, 1.3, 0.4, 1.1, 0.38, 0.15, -1.0),
+        (fibre_laws.fibre, 1.3, 0.4, 1.0, 0.38, 0.15, 3.0),
+        (fibre_laws.exponential_fibre, 0.8, 0.7, 0.38, 0.0),
+        (fibre_laws.fibre_energy, 1.3, 0.4, 1.0, 0.38, 0.15, 3.0),
+        (fibre_laws.fibre_pull, 1.3, 0.4, 0.38, 0.15, -1.0),
+        (fibre_laws.section_law, *law_of, -1.0, five, five, five),
+        (fibre_laws.section_law, *law_of, 3.0, five, five, five),
         (newton.newton, state, fibres, inside, None, BY_FORCE, 0.11, TIGHT),
         (newton.climb, state, fibres, inside, BY_DEFLECTION, 0.2),
         (newton.solve, state, fibres, inside, BY_DEFLECTION, 0.15),
@@ -422,9 +426,9 @@ def test_kernels_are_their_python_form(theory: Exact, grasp: float) -> None:
     if fibres is None:
         calls.append((fill_linear, points, 0, 4, 0.1, 0.2))
     else:
-        calls.append((neo_hooke_law.fill_strains, points, fibres, 0, 4, 0.1, 0.2, 0.3, 0.3))
-        calls.append((neo_hooke_law.fill_fibres, fibres, 0.38, 0.15, 2))
-        calls.append((neo_hooke_law.fill_neo_hooke, points, fibres, 0, 4, 0.1, 0.2, 0.3, 0.3))
+        calls.append((fibre_laws.fill_strains, points, fibres, 0, 4, 0.1, 0.2, 0.3, 0.3))
+        calls.append((fibre_laws.fill_fibres, fibres, 0.38, 0.15, -1.0, 2))
+        calls.append((fibre_laws.fill_of_fibres, points, fibres, 0, 4, 0.1, 0.2, 0.3, 0.3, -1.0))
     for kernel, *arguments in calls:
         compiled, plain = ([copied(each) for each in arguments] for _ in range(2))
         results = kernel(*compiled), kernel.py_func(*plain)

@@ -1,31 +1,38 @@
 """The beam in space: its derivatives, the exact beam, published bends and buckling."""
 
 import math
+from decimal import Decimal, localcontext
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from physics import Beam, Exact, Linear, NeoHooke
+from physics import Beam, Exact, Exponential, Law, Linear, NeoHooke, law_named
 from physics.bed import BeamOnBed, Hand, SpaceBeam, Strands, pull
 from physics.bed import kernels as k
 from physics.bed.kernels.tangent import hold_nodes, solve
+from physics.exponential import MOST, exponential_stress
+from physics.many import Ducts, solve_many
 
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
 
 
-def deformed(seed: int, *, solid: bool = False) -> BeamOnBed:
+def deformed(seed: int, law: NeoHooke | Exponential | None = None) -> BeamOnBed:
     """A beam of three elements and nine strands, turned and stretched every way."""
     rng = np.random.default_rng(seed)
     tube = Beam.round(span=3.0, diameter=0.6, modulus=3.0, wall=0.1)
     area, inertia = np.array([tube.area]), tube.second_moment * np.array([[1.0], [1.3]])
-    rows, _ = NeoHooke().fibres_in_space(3.0, 0.3, area, (*inertia,), (area, area))
+    rows = None
+    if law is not None:
+        rows, _ = law.fibres_in_space(3.0, 0.3, area, (*inertia,), (area, area))
     beam = SpaceBeam.from_axis(
         span=3.0,
         elements=3,
         stiffness=rng.random(6) * 5 + 1,
         ends=("free", "free"),
-        fibres=rows if solid else None,
+        fibres=rows,
     )
     count = 9
     elongations = np.array([0.1, 0.5, 9, 9, 0.5, 0.2, 9, 1, 1])
@@ -41,8 +48,10 @@ def deformed(seed: int, *, solid: bool = False) -> BeamOnBed:
     )
     made = BeamOnBed(beam, strands, floor=np.full(4, 0.7), rods=2)
     state = made.state
-    size = 0.1 if solid else 0.3
+    size = 0.3 if law is None else 0.1
     state.x[:] += rng.normal(size=(4, 3)) * size
+    if isinstance(law, Exponential):
+        state.x[:] *= 1.5  # where it begins to be pulled, its tangent jumps
     state.q[:] += rng.normal(size=(4, 4)) * size
     state.q[:] /= np.sqrt((state.q**2).sum(axis=1))[:, None]
     state.strain[:] += rng.normal(size=(3, 6)) * 0.2
@@ -52,13 +61,21 @@ def deformed(seed: int, *, solid: bool = False) -> BeamOnBed:
 
 @pytest.mark.parametrize("kind", [k.FROZEN, k.INCREMENTAL])
 @pytest.mark.parametrize(
-    ("seed", "thin", "solid"),
-    [(1, 0.0, False), (2, 0.0, False), (2, 0.6, False), (1, 0.0, True), (2, 0.6, True)],
+    ("seed", "thin", "law"),
+    [
+        (1, 0.0, None),
+        (2, 0.0, None),
+        (2, 0.6, None),
+        (1, 0.0, NeoHooke()),
+        (2, 0.6, NeoHooke()),
+        (1, 0.0, Exponential(0.0)),
+        (1, 0.6, Exponential(5.0)),
+    ],
 )
 def test_gradient_and_tangent_are_the_energy_s_differences(
-    kind: int, seed: int, thin: float, solid: bool
+    kind: int, seed: int, thin: float, law: NeoHooke | Exponential | None
 ) -> None:
-    state = deformed(seed, solid=solid).state
+    state = deformed(seed, law).state
     state.chord[1:] = thin, 0.5 * thin
     if kind == k.INCREMENTAL and thin:
         # Rods pressed into the first node beside the shaft and into the last past the tip.
@@ -67,7 +84,8 @@ def test_gradient_and_tangent_are_the_energy_s_differences(
     nodes = state.x.shape[0]
     size = 6 * nodes
     k.assemble(state, kind, 0.0)
-    assert not solid or state.fibres[0].min() > 0.5  # below, the tangent is not exact
+    if law == NeoHooke():
+        assert state.fibres[0].min() > 0.5  # below, the tangent is not exact
     gradient = state.g.ravel().copy()
     tangent = np.zeros((size, size))
     for i in range(nodes):
@@ -153,9 +171,9 @@ def test_a_tree_of_beams_is_solved_as_the_full_matrix(seed: int) -> None:
     assert state.step.ravel() == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("solid", [False, True])
-def test_turning_the_whole_changes_nothing(solid: bool) -> None:
-    made = deformed(3, solid=solid)
+@pytest.mark.parametrize("law", [None, NeoHooke(), Exponential(5.0)])
+def test_turning_the_whole_changes_nothing(law: NeoHooke | Exponential | None) -> None:
+    made = deformed(3, law)
     state = made.state
     state.damage[:] = 1.0
     state.floor[:] = 0.0
@@ -274,9 +292,11 @@ def test_euler_s_column_and_the_elastica_beyond_it() -> None:
 TUBE = Beam.round(span=40.0, diameter=6.0, modulus=0.31, wall=0.8)
 
 
-def space_break(beam: Beam, grasp: float, threshold: float, elements: int) -> tuple[float, float]:
+def space_break(
+    beam: Beam, law: Law, grasp: float, threshold: float, elements: int
+) -> tuple[float, float]:
     """Return force and deflection at which a hook that may slide along the axis tears a beam."""
-    held = BeamOnBed(SpaceBeam.of(beam, law=NeoHooke(), elements=elements))
+    held = BeamOnBed(SpaceBeam.of(beam, law=law, elements=elements))
     node = held.take(grasp, along=(False, True, True))
     start = held.places[node].copy()
 
@@ -296,10 +316,67 @@ def space_break(beam: Beam, grasp: float, threshold: float, elements: int) -> tu
 
 @pytest.mark.parametrize("beam", [DUCT, TUBE])
 @pytest.mark.parametrize("place", [0.5, 0.3])
-@pytest.mark.parametrize("share", [0.3, 0.68])
-def test_a_solid_wall_breaks_as_in_the_plane(beam: Beam, place: float, share: float) -> None:
+@pytest.mark.parametrize(
+    ("law", "share"),
+    [
+        (NeoHooke(), 0.3),
+        (NeoHooke(), 0.68),
+        (Linear(shear=True), 0.35),
+        (Exponential(0.0), 0.68),
+        (Exponential(4.0), 1.0),
+    ],
+)
+def test_a_wall_breaks_in_space_as_in_the_plane_and_in_the_library(
+    beam: Beam, place: float, law: Law, share: float
+) -> None:
     threshold, grasp = share * beam.modulus, place * beam.span
-    plane = Exact(NeoHooke()).pull(beam, grasp=grasp).first_break(threshold)
+    plane = Exact(law).pull(beam, grasp=grasp).first_break(threshold)
     assert plane is not None
-    space = space_break(beam, grasp, threshold, 160)
+    names = ("span", "area", "second_moment", "fibre_distance", "modulus", "poisson_ratio")
+    row = {name: np.array([getattr(beam, name)]) for name in names}
+    many = solve_many(Exact(law), Ducts(**row, grasp=np.array([grasp])), np.array([threshold]))
+    assert many.break_force[0] == pytest.approx(plane.force, rel=1e-4)
+    space = space_break(beam, law, grasp, threshold, 160)
     assert space == pytest.approx((plane.force, plane.deflection), rel=3e-3)
+
+
+@given(
+    stiffening=st.floats(1e-6, 200.0),
+    part=st.floats(1e-9, MOST),
+)
+def test_the_exponential_of_kernels_is_the_exponential(stiffening: float, part: float) -> None:
+    strain = part / stiffening
+    found = exponential_stress(strain, stiffening, MOST / stiffening)
+    with localcontext() as context:
+        context.prec = 60
+        b, e = Decimal(stiffening), Decimal(strain)
+        slope = (b * e).exp()
+        stress = (slope - 1) / b
+        for one, true in zip(found, (stress, slope, (stress - e) / b), strict=True):
+            assert abs(Decimal(one) / true - 1) < Decimal("1e-14")
+
+
+@pytest.mark.parametrize("stiffening", [0.0, 0.3, 8.0])
+def test_a_straight_pull_follows_the_published_law(stiffening: float) -> None:
+    """sigma = alpha (e^(beta eps) - 1), nominal; and half of Hooke's energy where beta is 0."""
+    beam = SpaceBeam.of(TUBE, law=Exponential(stiffening), elements=8, ends=("clamped", "free"))
+    path = tuple((x * TUBE.span, 0.0, 0.0) for x in (0.1, 0.4, 0.7))
+    history = pull(beam, None, [Hand(at=TUBE.span, path=path, steps=(4, 4, 4))])
+    strain = history.hands[:, 0, 0] / TUBE.span
+    stress, stored = TUBE.modulus * strain, 0.5 * TUBE.modulus * strain**2
+    if stiffening:
+        alpha = TUBE.modulus / stiffening
+        stress = alpha * np.expm1(stiffening * strain)
+        stored = (stress - TUBE.modulus * strain) / stiffening
+    assert history.stress == pytest.approx(stress, rel=1e-9)
+    assert history.forces[:, 0, 0] == pytest.approx(stress * TUBE.area, rel=1e-9)
+    assert history.stored == pytest.approx(stored * TUBE.area * TUBE.span, rel=1e-9)
+
+
+def test_a_law_without_its_constant_or_with_an_impossible_one_is_refused() -> None:
+    for name, stiffening in (("exponential", None), ("neo-hooke", 3.0), ("linear", 3.0)):
+        with pytest.raises(ValueError, match="the exponential law has a stiffening"):
+            law_named(name, stiffening=stiffening)
+    for stiffening in (-1.0, math.nan, 1e3):
+        with pytest.raises(ValueError, match="stiffening must be"):
+            Exponential(stiffening)

@@ -81,7 +81,7 @@ class DissectionReplay(BaseReplay[BedSession, DissectionInput]):
             preset = preset_named(preset) if isinstance(preset, str) else preset
             session = BedSession(
                 organ,
-                msgspec.structs.replace(preset, law=start.law),
+                msgspec.structs.replace(preset, law=start.law, stiffening=start.stiffening),
                 bed_named(bed) if isinstance(bed, str) else bed,
                 bed_seed=start.bed_seed,
                 threshold=start.threshold_MPa,

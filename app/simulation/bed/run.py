@@ -79,6 +79,7 @@ class DissectionRun(BaseRun[BedExercise, BeddedDuct, DissectionMeasureTaker]):
                 strands_sha256=strands_digest(duct.beam.strands),
                 by_touch=self._taker.by_touch,
                 law=preset.law,
+                stiffening=preset.stiffening,
             ),
             seed=seed,
             tick_seconds=TICK_SECONDS,

@@ -57,7 +57,9 @@ class DissectionStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # whether a parted strand is an instrument's only if it touched it; in runs made before also if
     # it had not met it
     by_touch: bool = False
-    law: LawName = "linear"  # of the wall, instead of the preset's; runs made before had no other
+    # of the wall, instead of the preset's; runs made before had no other
+    law: LawName = "linear"
+    stiffening: float | None = None
 
 
 class DissectionInput(msgspec.Struct, frozen=True, array_like=True):

@@ -56,6 +56,7 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     poisson_ratio: Number = 0.3
     break_stress_MPa: Number | None = None  # noqa: N815
     law: LawName | None = None
+    stiffening: Number | None = None
     radius_mm: Numbers | None = None
     plane: bool = False
 
@@ -84,13 +85,13 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
                 modulus=self.modulus_MPa,
                 poisson_ratio=self.poisson_ratio,
             )
-            law = law_named(self.law or "linear")
+            law = law_named(self.law or "linear", stiffening=self.stiffening)
             return SpaceBeam.of(
                 bar, law=law, elements=self.elements, ends=self.ends, axis=axis, nodes_at=nodes_at
             )
         if self.break_stress_MPa is not None:
             raise ValueError("break_stress_MPa of [beam] goes with diameter_mm and modulus_MPa")
-        if self.law is not None:
+        if self.law is not None or self.stiffening is not None:
             raise ValueError("law of [beam] goes with diameter_mm and modulus_MPa")
         missing = [name for name in STIFFNESSES if getattr(self, name) is None]
         if missing:

@@ -50,8 +50,6 @@ from physics.bed.kernels.vectors import (
 )
 from physics.bed.kernels.wall import (
     FIBRES,
-    RATIO,
-    SHEAR,
     SOFT_2,
     SOFT_3,
     STRENGTH,
@@ -164,7 +162,7 @@ def strain_fibres(
         k2, k3 = f * dot(t2, c) - strain[e, 4], f * dot(t3, c) - strain[e, 5]
         strained[e, 0], strained[e, 1], strained[e, 2], strained[e, 3] = lam, square, k2, k3
         place_fibres(fibres, FIBRES * e, wall, e, lam, square, k2, k3)
-    fill_all(fibres, wall[0, SHEAR], wall[0, RATIO])
+    fill_all(fibres, wall, 0)
 
 
 @inner

@@ -1,6 +1,7 @@
-"""The forces of a section whose wall is a neo-Hookean solid, from seven fibres.
+"""The forces of a section whose wall is a solid of fibres, from seven of them.
 
-A fibre of stretch lam and shear gam has the energy of `physics.exact.neo_hooke_law.fibre`, in E:
+A fibre of stretch lam and shear gam has the energy of `physics.exact.fibre_laws`, in E: that of
+an exponential one, or the neo-Hookean
 
     psi = (G/2) ((lam^2 + gam^2)/j^2 + 2 j/lam - 3) + (K/2) (j^3 - 1)^2,  stationary in j.
 
@@ -15,8 +16,9 @@ u_i = kappa . r_i the energy of an element for each mm is
     E A (sum w_i psi(lam + t u_i, gam) - deficit (t/lam)^2 gam^2 / (2 (1 + gam^2)))
 
 with the lateral stretch t(lam) of the plane law's `shrinkage`, and deficit what warping takes off
-the shear stiffness. Torsion stays linear. Below the stretch `LEAST`, where the solid's volume may
-jump, a fibre's force goes on in a straight line with the slope `STIFF`, in E.
+the shear stiffness (by the exponential law deficit gam^2/2). Torsion stays linear. Below the
+stretch `LEAST`, where the neo-Hookean volume may jump, a fibre's force goes on in a straight line
+with the slope `STIFF`, in E.
 """
 
 import math
@@ -25,15 +27,17 @@ import numpy as np
 
 from kernel_cache import njit
 from physics.bed.kernels.vectors import Floats, Ints, Nine, Three, added, inlined, inner, scaled
+from physics.exponential import MOST, exponential_stress
 
 # Columns of a table of walls: E A, N; the plane law's outer fibres, their distances, mm, where the
 # section bends by kappa_2 and by kappa_3, and their weight; the share of warping, shear modulus and
-# G/(3 K) in E; constants of the lateral stretch; distances of the outermost fibres, mm; and of an
+# G/(3 K) in E; constants of the lateral stretch; distances of the outermost fibres, mm; the
+# exponential law's constant, below zero by the neo-Hookean one; and of an
 # element the factors of Gamma_2^2 and Gamma_3^2 that leave bending within it out of gam^2.
 STRENGTH, REACH_2, REACH_3, WEIGHT, DEFICIT, SHEAR, RATIO, SHRINK, POISSON = range(9)
-OUTER_2, OUTER_3, SOFT_2, SOFT_3 = range(9, 13)
-WALL_ROWS = 13
-LEAST, STIFF = 0.5, 3.0
+OUTER_2, OUTER_3, STIFFENING, SOFT_2, SOFT_3 = range(9, 14)
+WALL_ROWS = 14
+LEAST, STIFF, TINY = 0.5, 3.0, 1e-300
 # Of the strains of a section under given forces: most steps, the farthest of them and the last one,
 # in its stretch.
 MOST_STEPS, FARTHEST, ENOUGH = 30, 0.5, 1e-7
@@ -150,13 +154,16 @@ def section_forces(
     warp, warp1, warp2 = deficit * warping[0], deficit * warping[1], deficit * warping[2]
     fade = 1.0 / (1.0 + square)
     half, fade2 = 0.5 * square * fade, fade * fade
+    warp_more = 4.0 * warp * fade2 * fade
+    if wall[row, STIFFENING] >= 0.0:  # as much in whatever stretch and shear
+        warp, warp1, warp2, half, fade2, warp_more = deficit, 0.0, 0.0, 0.5 * square, 1.0, 0.0
     middle = 1.0 - 6.0 * w
     energy = middle * fibres[ENERGY, at] - warp * half
     n = middle * fibres[PULL, at] - warp1 * half
     q = middle * fibres[CROSS, at] - warp * fade2
     n_lam = middle * fibres[PULL_S, at] - warp2 * half
     n_gam = middle * fibres[PULL_G, at] - warp1 * fade2
-    q_more = middle * fibres[MORE, at] + 4.0 * warp * fade2 * fade
+    q_more = middle * fibres[MORE, at] + warp_more
     m2 = m3 = n2 = n3 = q2 = q3 = m22 = m23 = m33 = 0.0
     far = wall[row, REACH_3] / HALF_ROOT
     corners = ((0.0, far), (near, 0.5 * far), (near, -0.5 * far))
@@ -211,12 +218,42 @@ def congruent(m: Nine, t1: Three, t2: Three, t3: Three) -> Nine:
 
 
 @inner
-def fill_all(fibres: Floats, g: float, ratio: float) -> None:
-    """Write what `fill_fibres` says of all columns of a table."""
-    fill_fibres(
-        fibres[STRETCH], fibres[SQUARE], fibres[ENERGY], fibres[PULL], fibres[PULL_S],
-        fibres[PULL_G], fibres[CROSS], fibres[MORE], g, ratio,
-    )  # fmt: skip
+def fill_exponential(
+    stretch: Floats, square: Floats, energy: Floats, p: Floats, s: Floats, pg: Floats, qg: Floats,
+    more: Floats, g: float, stiffening: float,
+) -> None:  # fmt: skip
+    """Write the same of fibres that stiffen exponentially."""
+    most = MOST / stiffening if stiffening > 0.0 else 1e300
+    for i in range(stretch.size):
+        lam, sq = stretch[i], square[i]
+        length = math.sqrt(lam * lam + sq + TINY)
+        stress, slope, stored = exponential_stress(max(length - 1.0, 0.0), stiffening, most)
+        slope = slope if length >= 1.0 else 0.0
+        squeezed = min(lam - 1.0, 0.0)
+        over = 1.0 / length
+        per = stress * over
+        cross = (slope - per) * over * over
+        energy[i] = stored + 0.5 * (squeezed * squeezed + g * sq)
+        p[i] = lam * per + squeezed
+        s[i] = per + lam * lam * cross + (1.0 if lam < 1.0 else 0.0)
+        pg[i] = lam * cross
+        qg[i] = per + g
+        more[i] = cross
+
+
+@inner
+def fill_all(fibres: Floats, wall: Floats, row: int) -> None:
+    """Write what the fibres of a table do, of the material of a row of `wall`."""
+    if wall[row, STIFFENING] >= 0.0:
+        fill_exponential(
+            fibres[STRETCH], fibres[SQUARE], fibres[ENERGY], fibres[PULL], fibres[PULL_S],
+            fibres[PULL_G], fibres[CROSS], fibres[MORE], wall[row, SHEAR], wall[row, STIFFENING],
+        )  # fmt: skip
+    else:
+        fill_fibres(
+            fibres[STRETCH], fibres[SQUARE], fibres[ENERGY], fibres[PULL], fibres[PULL_S],
+            fibres[PULL_G], fibres[CROSS], fibres[MORE], wall[row, SHEAR], wall[row, RATIO],
+        )  # fmt: skip
 
 
 @inner
@@ -230,7 +267,7 @@ def node_stress(
     outer2, outer3 = wall[row, OUTER_2], wall[row, OUTER_3]
     for _ in range(MOST_STEPS):
         place_fibres(fibres, 0, wall, row, lam, square, k2, k3)
-        fill_all(fibres, wall[row, SHEAR], wall[row, RATIO])
+        fill_all(fibres, wall, row)
         found = section_forces(fibres, 0, wall, row, lam, square, k2, k3)
         r1, r2, r3 = n - found[1], m2 - found[3], m3 - found[4]
         a, b, c, d, e, f = found[5], found[8], found[9], found[12], found[13], found[14]
@@ -250,7 +287,7 @@ def node_stress(
     b2, b3 = outer2 * k2, outer3 * k3
     bent = math.sqrt(b2 * b2 + b3 * b3)
     fibres[STRETCH, 0] = lam + lateral(wall, row, lam)[0][0] * bent
-    fill_all(fibres, wall[row, SHEAR], wall[row, RATIO])
+    fill_all(fibres, wall, row)
     over = 1.0 / bent if bent > 0.0 else 0.0
     return fibres[PULL, 0], over * b2, over * b3
 

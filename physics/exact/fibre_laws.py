@@ -1,10 +1,13 @@
-"""The neo-Hookean law: sections of three fibres of a compressible solid with free lateral faces.
+"""Laws of fibres: sections of three fibres, of a solid with free lateral faces or exponential.
 
-A fibre of stretch ``lam`` and shear ``gam`` has the energy of `fibre_energy` and changes its volume
-by ``j``^3 so that its lateral stress is zero; ``j`` is kept and updated by one of Halley's steps at
-each call. Three fibres, at 0 and +-y with weights 1 - 2 w and w, integrate over the section as
-`physics.section.Ring.fibres` says. `deficit` lowers the shear stiffness to Hutchinson's at
-small strains, for warping.
+A neo-Hookean fibre of stretch ``lam`` and shear ``gam`` has the energy of `fibre_energy` and
+changes its volume by ``j``^3 so that its lateral stress is zero; ``j`` is kept and updated by one
+of Halley's steps at each call. An exponential one resists its length l = (lam^2 + gam^2)^(1/2)
+where that is above 1 by the energy of `exponential_stress` at l - 1, being squeezed by
+(1 - lam)^2/2, and shear by that of the matrix about it, G gam^2/2: three convex terms. Three
+fibres, at 0 and +-y with weights 1 - 2 w and w, integrate over the section as
+`physics.section.Ring.fibres` says. `deficit` lowers the shear stiffness to Hutchinson's at small
+strains, for warping.
 """
 
 import math
@@ -18,9 +21,16 @@ from kernel_cache import njit
 from physics.beam import Beam, Sections
 from physics.exact.state import KERNEL, Array, Five, State, gauss_points
 from physics.exact.symbols import *
+from physics.exponential import MOST, exponential_stress
+from physics.quantity import finite
 from physics.section import Ring, lateral_constant
 
 Row = NDArray[np.float64]
+
+# Of a squared length: that of a fibre without any is no divisor.
+TINY = 1e-300
+MOST_STIFFENING = 200.0
+"""Of the exponential law; tissue has some 2 to 40."""
 
 
 @njit(**KERNEL)
@@ -32,10 +42,36 @@ def shrinkage(lam: float, shrink: float, poisson: float) -> tuple[float, float, 
 
 
 @njit(**KERNEL)
-def fibre(
-    lam: float, gam: float, j: float, g: float, ratio: float
+def exponential_fibre(
+    lam: float, gam: float, g: float, stiffening: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return j, p, p_lam, p_gam, q and q_gam of a neo-Hookean fibre of shear modulus g."""
+    """Return energy, p, p_lam, p_gam, q and q_gam of a fibre that stiffens exponentially."""
+    # All three terms of the energy are convex: the length's beyond rest, squeezing, and shear.
+    most = MOST / stiffening if stiffening > 0.0 else math.inf
+    length = math.sqrt(lam * lam + gam * gam + TINY)
+    stress, slope, energy = exponential_stress(max(length - 1.0, 0.0), stiffening, most)
+    slope = slope if length >= 1.0 else 0.0
+    squeezed = min(lam - 1.0, 0.0)
+    over = 1.0 / length
+    c, s, per = lam * over, gam * over, stress * over
+    return (
+        energy + 0.5 * (squeezed * squeezed + g * gam * gam),
+        stress * c + squeezed,
+        slope * c * c + per * s * s + (1.0 if lam < 1.0 else 0.0),
+        (slope - per) * c * s,
+        stress * s + g * gam,
+        slope * s * s + per * c * c + g,
+    )
+
+
+@njit(**KERNEL)
+def fibre(
+    lam: float, gam: float, j: float, g: float, ratio: float, stiffening: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return j, p, p_lam, p_gam, q and q_gam of a fibre of shear modulus g."""
+    if stiffening >= 0.0:
+        _, p, p_lam, p_gam, q, q_gam = exponential_fibre(lam, gam, g, stiffening)
+        return j, p, p_lam, p_gam, q, q_gam
     # Its lateral faces are free: W = (G/2) ((lam^2 + gam^2)/j^2 + 2 j/lam - 3) + (K/2) (j^3 - 1)^2
     # is stationary in j, the cube root of the volume ratio, which gives, with `ratio` = G/3K,
     # j^8 - j^5 + (G/3K) (j^3/lam - lam^2 - gam^2) = 0. One step of Halley's method triples the
@@ -68,12 +104,12 @@ def fibre(
 
 
 @njit(**KERNEL)
-def fill_fibres(fibres: Array, g: float, ratio: float, rounds: int) -> None:
+def fill_fibres(fibres: Array, g: float, ratio: float, stiffening: float, rounds: int) -> None:
     """Fill volume and stress of fibres from their stretch and shear."""
     for _ in range(rounds):
         for i in range(fibres.shape[1]):
             j, p, p_s, p_g, q, q_g = fibre(
-                fibres[STRETCH, i], fibres[SHEAR, i], fibres[VOLUME, i], g, ratio
+                fibres[STRETCH, i], fibres[SHEAR, i], fibres[VOLUME, i], g, ratio, stiffening
             )
             fibres[VOLUME, i] = j
             fibres[PULL, i] = p
@@ -130,6 +166,7 @@ def section_law(
     deficit: float,
     shrink: float,
     poisson: float,
+    stiffening: float,
     middle_fibre: Five,
     near_fibre: Five,
     far_fibre: Five,
@@ -157,6 +194,9 @@ def section_law(
     fade = 1.0 / (1.0 + gam * gam)
     v, v1 = 0.5 * gam * gam * fade, gam * fade * fade
     v2 = (1.0 - 3.0 * gam * gam) * fade * fade * fade
+    if stiffening >= 0.0:  # nothing ties warping to the volume
+        warp, warp1, warp2 = deficit, 0.0, 0.0
+        v, v1, v2 = 0.5 * gam * gam, gam, 1.0
     ky, yt = kappa * y, y * t
     a1, a2 = 1.0 - ky * t1, 1.0 + ky * t1
     n = middle * p0 + outer * (p1 * a1 + p2 * a2) - warp1 * v
@@ -180,7 +220,7 @@ def section_law(
 
 
 @njit(**KERNEL)
-def fill_neo_hooke(
+def fill_of_fibres(
     points: Array,
     fibres: Array,
     first: int,
@@ -189,8 +229,9 @@ def fill_neo_hooke(
     p: float,
     shrink: float,
     poisson: float,
+    stiffening: float,
 ) -> None:
-    """Fill moment and derivatives of psi of neo-Hookean sections from their fibres.
+    """Fill moment and derivatives of psi of sections of fibres from their fibres.
 
     The residuals of n and q that the strains leave are condensed with them.
     """
@@ -209,6 +250,7 @@ def fill_neo_hooke(
             points[DEFICIT, i],
             shrink,
             poisson,
+            stiffening,
             (
                 fibres[PULL, i],
                 fibres[PULL_S, i],
@@ -266,35 +308,36 @@ def fill_neo_hooke(
 
 
 @njit(**KERNEL)
-def fibre_energy(lam: float, gam: float, j: float, g: float, ratio: float) -> float:
+def fibre_energy(
+    lam: float, gam: float, j: float, g: float, ratio: float, stiffening: float
+) -> float:
     """Return the energy of a fibre per volume; see `fibre`."""
+    if stiffening >= 0.0:
+        return exponential_fibre(lam, gam, g, stiffening)[0]
     volume = j * j * j - 1.0
     shape = (lam * lam + gam * gam) / (j * j) + 2.0 * j / lam - 3.0
     return 0.5 * g * (shape + volume * volume / (3.0 * ratio))
 
 
 @njit(**KERNEL)
-def fibre_pull(lam: float, gam: float, g: float, ratio: float) -> float:
+def fibre_pull(lam: float, gam: float, g: float, ratio: float, stiffening: float) -> float:
     """Return the first Piola stress along the axis of a fibre, in E; see `fibre`."""
     j = 1.0
     for _ in range(30):
-        before, j = j, fibre(lam, gam, j, g, ratio)[0]
+        before, j = j, fibre(lam, gam, j, g, ratio, stiffening)[0]
         if j == before:
             break
-    return fibre(lam, gam, j, g, ratio)[1]
+    return fibre(lam, gam, j, g, ratio, stiffening)[1]
 
 
-@dataclass(frozen=True, slots=True)
-class NeoHooke:
-    """Three fibres of the solid W = (G/2) (J^(-2/3) I1 - 3) + (K/2) (J - 1)^2, free at their sides.
+class FibreLaw:
+    """A law of a wall whose sections are integrated over fibres; shear is part of it."""
 
-    Shear is part of it: see `physics.section.Ring` and `fibre`.
-    """
-
-    name: ClassVar[Literal["neo-hooke"]] = "neo-hooke"
     shear: ClassVar[bool] = True
-    point_rows: ClassVar[int] = NEO_HOOKE_ROWS
+    point_rows: ClassVar[int] = FIBRE_LAW_ROWS
     fibre_rows: ClassVar[int] = FIBRE_ROWS
+    stiffening: float
+    """Of the exponential law; -1 by the neo-Hookean one."""
 
     def fill(self, state: State, beam: Beam, bounds: NDArray[np.float64]) -> None:
         """Write the material and the sections at the Gauss points into the state."""
@@ -304,7 +347,7 @@ class NeoHooke:
         line[SHEAR_MODULUS] = shear_modulus
         line[RATIO] = (1.0 - 2.0 * nu) * shear_modulus  # G/(3 K)
         line[SHRINK] = lateral_constant(nu)
-        line[POISSON] = nu
+        line[POISSON], line[STIFFENING] = nu, self.stiffening
         sections = beam.sections_at(gauss_points(bounds) * span, shear_areas=beam.has_shear_areas)
         areas = sections.areas
         points[OFFSET] = sections.offsets / span
@@ -347,11 +390,11 @@ class NeoHooke:
         Returns
         -------
         rows, shear_areas
-            (S, 13) in the order of that module's columns; (S,) at small strains, mm^2.
+            (S, 14) in the order of that module's columns; (S,) at small strains, mm^2.
         """
         nu = poisson_ratio
         shear_modulus = 0.5 / (1.0 + nu)
-        rows = np.empty((areas.size, 13))
+        rows = np.empty((areas.size, 14))
         for i, area in enumerate(areas.tolist()):
             up, across = float(moments[0][i]), float(moments[1][i])
             ring = Ring(area, 0.5 * (up + across))
@@ -371,6 +414,7 @@ class NeoHooke:
                 nu,
                 float(outer[0][i]),
                 float(outer[1][i]),
+                self.stiffening,
                 1.0,
                 1.0,
             )
@@ -392,5 +436,35 @@ class NeoHooke:
         for i, (lam, gam, kappa) in enumerate(strains.T.tolist()):
             lateral = shrinkage(lam, shrink, nu)[0]
             stretch = lam + abs(kappa) * float(reaches[i]) * lateral
-            outer[i] = fibre_pull(stretch, gam, shear_modulus, (1.0 - 2.0 * nu) * shear_modulus)
+            ratio = (1.0 - 2.0 * nu) * shear_modulus
+            outer[i] = fibre_pull(stretch, gam, shear_modulus, ratio, self.stiffening)
         return np.maximum(outer * beam.modulus - tension / sections.areas, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class NeoHooke(FibreLaw):
+    """Fibres of the solid W = (G/2) (J^(-2/3) I1 - 3) + (K/2) (J - 1)^2, free at their sides.
+
+    See `physics.section.Ring` and `fibre`.
+    """
+
+    name: ClassVar[Literal["neo-hooke"]] = "neo-hooke"
+    stiffening: ClassVar[float] = -1.0  # pyright: ignore[reportIncompatibleVariableOverride]
+
+
+@dataclass(frozen=True, slots=True)
+class Exponential(FibreLaw):
+    """Fibres whose nominal stress is alpha (e^(beta eps) - 1), eps their elongation [Duch 2004].
+
+    It is Fung's form in the energy, (alpha/beta) (e^(beta eps) - beta eps - 1), in compression its
+    straight line at rest. The modulus at rest is alpha beta; 0 is a fibre of Hooke's law.
+    """
+
+    stiffening: float  # beta
+    name: ClassVar[Literal["exponential"]] = "exponential"
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= finite(self.stiffening, "stiffening", "(no unit)") <= MOST_STIFFENING:
+            raise ValueError(
+                f"stiffening must be from 0 to {MOST_STIFFENING:g}, got {self.stiffening:g}"
+            )
