@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from app.study.correlation import copula_factor, correlated
 from app.study.distribution import Choices
 from app.study.ducts import Block, solve_pulls
 from app.study.inputs import INPUTS
@@ -81,6 +82,8 @@ class Ensemble:
             seed=plan.seed,
             indices=plan.indices,
         )
+        if plan.correlations:
+            points = correlated(points, copula_factor(list(plan.drawn), plan.correlations))
         # Each row of draws in each cell of the grid.
         cells = plan.cells
         drawn = {

@@ -13,6 +13,7 @@ from typing import Literal
 
 from app.bounded_file import read_bounded
 from app.simulation import Preset, preset_named, presets, read_preset
+from app.study.correlation import Correlation, copula_factor
 from app.study.distribution import Choices, Distribution, distribution_of
 from app.study.inputs import BED, BED_INPUTS, DUCT_INPUTS, INPUTS, Input
 from organ_geometry import Organ, organ_from_bytes
@@ -25,7 +26,9 @@ Sampling = Literal["sobol", "latin-hypercube"]
 SAMPLINGS: tuple[Sampling, ...] = ("sobol", "latin-hypercube")
 MOST_SAMPLES, MOST_CELLS, MOST_INPUTS = 10_000_000, 10_000, 50
 MOST_BYTES = 1_000_000
-TOP = {"title", "samples", "sampling", "indices", "seed", "duct", "bed", "inputs"}
+TOP = {
+    "title", "samples", "sampling", "indices", "seed", "duct", "bed", "inputs", "correlation",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,7 @@ class Plan:
     drawn: Mapping[str, Distribution | Choices]
     grid: Mapping[str, tuple[Value, ...]]
     files: Mapping[str, bytes]  # contents of the organ and preset files that it names
+    correlations: tuple[Correlation, ...] = ()  # of inputs that are drawn
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -105,7 +109,7 @@ class _Lines:
         self._lines: dict[str, int] = {}
         table = ""
         for number, line in enumerate(text.splitlines(), 1):
-            if header := re.match(r"\s*\[([^\]]+)\]", line):
+            if header := re.match(r"\s*\[{1,2}([^\]]+)\]", line):
                 table = re.sub(r"[\s\"']", "", header[1])
                 self._lines.setdefault(table, number)
             elif key := re.match(r"\s*([\w.\"'-]+)\s*=", line):
@@ -178,6 +182,7 @@ def _plan(table: dict[str, object], text: str, lines: _Lines, folder: Path | Non
         drawn=drawn,
         grid=grid,
         files={},
+        correlations=_correlations(table.get("correlation", []), drawn, lines),
     )
     if folder is not None:
         plan = replace(plan, files=_files(plan, folder, lines))
@@ -198,6 +203,35 @@ def _varied(table: dict[str, object], lines: _Lines) -> dict[str, object]:
     found = dict(table)
     bed = _table(found.pop("bed", {}), "inputs.bed", lines)
     return found | {f"{BED}{key}": value for key, value in bed.items()}
+
+
+def _correlations(
+    given: object, drawn: dict[str, Distribution | Choices], lines: _Lines
+) -> tuple[Correlation, ...]:
+    """Return the rank correlations of inputs with distributions."""
+    if not isinstance(given, list) or not all(isinstance(each, dict) for each in given):
+        raise lines.wrong("correlation", "must be tables, [[correlation]], with of and rank")
+    found: list[Correlation] = []
+    for each in given:
+        if set(each) != {"of", "rank"}:
+            raise lines.wrong("correlation", "must have of, two inputs, and rank, from -1 to 1")
+        names, rank = each["of"], each["rank"]
+        if not isinstance(names, list) or len(names) != 2 or names[0] == names[1]:
+            raise lines.wrong("correlation.of", f"must be two different inputs, got {names!r}")
+        for name in names:
+            if not isinstance(drawn.get(str(name)), Distribution):
+                raise lines.wrong("correlation.of", f"{name!r} is no input with a distribution")
+        if isinstance(rank, bool) or not isinstance(rank, int | float) or not -1.0 < rank < 1.0:
+            raise lines.wrong("correlation.rank", f"must lie between -1 and 1, got {rank!r}")
+        pair = {str(name) for name in names}
+        if any(pair == {before.one, before.other} for before in found):
+            raise lines.wrong("correlation", f"has {names[0]} and {names[1]} twice")
+        found.append(Correlation(str(names[0]), str(names[1]), float(rank)))
+    try:
+        copula_factor(list(drawn), found)
+    except ValueError as error:
+        raise lines.wrong("correlation", f"cannot be: {error}") from None
+    return tuple(found)
 
 
 def _whole(table: dict[str, object], key: str, low: int, high: int, lines: _Lines) -> int:
@@ -323,6 +357,12 @@ def _check_whole(plan: Plan, lines: _Lines) -> None:
         raise lines.wrong("inputs", f"has a grid of {plan.cells:,} cells, at most {MOST_CELLS:,}")
     if plan.indices and len(plan.drawn) < 2:
         raise lines.wrong("indices", "needs two inputs or more that are drawn")
+    if plan.indices and plan.correlations:
+        raise lines.wrong(
+            "indices",
+            "goes not with correlation: Sobol indices part a variance among inputs that are "
+            "independent; leave out one of them",
+        )
     refuse(("break_stress_MPa", "break_force_N"), "a strength is given by one of them")
     refuse(("force_N", "deflection_mm"), "a load is one of them")
     refuse(("grasp_mm", "grasp_share"), "a grasp is given by one of them")

@@ -270,6 +270,8 @@ def _inputs(plan: Plan) -> dict[str, str]:
         else:
             given = ", ".join(f"{key} {value:g}" for key, value in kind.parameters.items())
             said[name] = f"{kind.shape}, {given}"
+    for each in plan.correlations:
+        said[each.one] += f"; rank correlation {each.rank:g} with {_plain(each.other)}"
     for name, values in plan.grid.items():
         said[name] = "each of " + ", ".join(_text(value) for value in values)
     return said

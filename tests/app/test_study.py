@@ -16,6 +16,7 @@ import pytest
 from program import refused, run
 
 from app.simulation import Spread, preset_named, read_preset
+from app.study.correlation import Correlation, copula_factor
 from app.study.distribution import Choices, distribution_of
 from app.study.ensemble import run_study
 from app.study.plan import read_plan
@@ -341,6 +342,45 @@ def test_an_organ_is_set_up_once_for_all_that_are_alike(
     assert sorted(grasps) == pytest.approx([0.4, 0.7])
 
 
+def rank_of(rows: np.ndarray) -> float:
+    """Spearman's rank correlation of two rows."""
+    order = rows.argsort(axis=1).argsort(axis=1)
+    return float(np.corrcoef(order[0], order[1]).ravel()[1])
+
+
+TOGETHER = '[[correlation]]\nof = ["modulus_MPa", "break_stress_MPa"]\n'
+
+
+@pytest.mark.parametrize("rank", [0.8, -0.5])
+@pytest.mark.parametrize("sampling", ["sobol", "latin-hypercube"])
+def test_inputs_go_together_by_rank_and_keep_their_distributions(
+    rank: float, sampling: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, samples=4096, sampling=sampling, theory="cubic")
+    text = path.read_text()
+    alone = read_plan(path)
+    path.write_text(text.replace("[duct]", f"{TOGETHER}rank = {rank}\n[duct]"))
+    together = read_plan(path)
+    run_study(alone, tmp_path / "alone")
+    run_study(together, tmp_path / "together")
+    names = ["modulus_MPa", "break_stress_MPa"]
+    rows = [
+        np.stack([pq.read_table(tmp_path / name / "results.parquet")[each] for each in names])
+        for name in ("alone", "together")
+    ]
+    assert rank_of(rows[0]) == pytest.approx(0.0, abs=0.05)
+    assert rank_of(rows[1]) == pytest.approx(rank, abs=0.01)
+    assert np.array_equal(rows[0][0], rows[1][0])
+    low, mid, high = np.quantile(rows[1][1], [0.05, 0.5, 0.95])  # even from 0.1 to 0.3
+    assert (low, mid, high) == pytest.approx((0.11, 0.2, 0.29), abs=0.004)
+
+
+def test_correlations_that_no_inputs_can_have_are_named() -> None:
+    pairs = [("a", "b", 0.9), ("b", "c", 0.9), ("a", "c", -0.9)]
+    with pytest.raises(ValueError, match="no inputs can have these correlations"):
+        copula_factor("abc", [Correlation(*each) for each in pairs])
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -361,6 +401,16 @@ def test_an_organ_is_set_up_once_for_all_that_are_alike(
         (("force_N = 1.0", "break_force_N = 1.0"), "a strength is given by one of them"),
         (("force_N = 1.0", 'organ = "no.organ"'), "no.organ: no such file"),
         (("[duct]", "[duct"), "is no TOML file"),
+        (("[duct]", TOGETHER + "rank = 1.5\n[duct]"), "line 8: correlation.rank must lie between"),
+        (("[duct]", TOGETHER + "[duct]"), "line 6: correlation must have of, two inputs, and rank"),
+        (
+            ("[duct]", TOGETHER.replace("modulus_MPa", "wall_mm") + "rank = 0.5\n[duct]"),
+            "line 7: correlation.of 'wall_mm' is no input with a distribution",
+        ),
+        (
+            ("indices = false\nseed = 4\n", f"indices = true\nseed = 4\n{TOGETHER}rank = 0.5\n"),
+            "indices goes not with correlation",
+        ),
         (("[duct]", "[bed]\nname = 'firm'\n[duct]"), "duct.theory goes not with a bed"),
     ],
 )
