@@ -8,27 +8,20 @@ import numpy as np
 from rich.console import Console
 
 from app.command_line.load import shipped_organ
-from app.simulation.bed import (
-    MANNERS,
-    BedExercise,
-    BedManner,
-    BedSession,
-    DissectionMeasures,
-    bed_named,
-    script,
-)
+from app.simulation import BedExercise
+from app.simulation.bed import MANNERS, BedManner, BedSession, DissectionMeasures, bed_named, script
 from app.simulation.exercise import Outcome
 
 __all__ = ["measure_exercises"]
 
 BED, SEEDS = "firm", range(1, 21)
 COLUMNS = {
-    "share %": lambda found: 100.0 * found.peak_stress_share,
+    "share %": lambda found: 100.0 * found.peak_stress_ratio,
     "time to break s": lambda found: found.shortest_time_to_break_s or 0.0,
     "hand N": lambda found: max(found.maximum_force_N),
     "rod N": lambda found: found.maximum_instrument_force_N,
-    "hidden": lambda found: found.strands_parted_out_of_sight,
-    "parted mJ": lambda found: found.parted_energy_mJ,
+    "hidden": lambda found: found.strands_broken_out_of_sight,
+    "parted mJ": lambda found: found.strand_energy_mJ,
     "work mJ": lambda found: sum(found.work_mJ),
     "duct mJ": lambda found: found.duct_energy_mJ,
     "angle": lambda found: found.traction_angle_deg or 0.0,

@@ -4,13 +4,15 @@ A limit that the file does not name follows from the duct, as in the trainer's o
 """
 
 import textwrap
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
 from app.bounded_file import decoded
 from app.simulation import (
+    TITLES,
     ApproachBreak,
+    BedExercise,
     Exercise,
     Feedback,
     GentleDissection,
@@ -18,19 +20,20 @@ from app.simulation import (
     Preset,
     Session,
     preset_named,
+    renamed_exercise,
 )
-from app.simulation.bed import TITLES, BedExercise, BedSession, bed_named
+from app.simulation.bed import BedSession, bed_named
 from organ_geometry import Organ
 
 __all__ = ["GOALS", "ExerciseFile", "Goal", "SetExercise", "read_exercise", "template"]
 
 Goal = Literal[
-    "window", "follow-front", "free-scar", "hold-stretch", "approach-break", "gentle-lifts"
+    "window", "follow_front", "free_scar", "hold_stretch", "approach_break", "gentle_lifts"
 ]
 PULLS: dict[Goal, type[HoldStretch | ApproachBreak | GentleDissection]] = {
-    "hold-stretch": HoldStretch,
-    "approach-break": ApproachBreak,
-    "gentle-lifts": GentleDissection,
+    "hold_stretch": HoldStretch,
+    "approach_break": ApproachBreak,
+    "gentle_lifts": GentleDissection,
 }
 GOALS: dict[Goal, str] = {**TITLES, **{goal: kind.title for goal, kind in PULLS.items()}}
 # Fields of an exercise that are no limits.
@@ -55,7 +58,7 @@ class SetExercise(msgspec.Struct, frozen=True):
     text: str
     mode: Literal["dissect", "pull"]
     preset: str | None
-    exercise: Exercise | BedExercise
+    exercise: Exercise
     feedback: Feedback
 
     @property
@@ -67,8 +70,7 @@ class SetExercise(msgspec.Struct, frozen=True):
     def of_json(cls, content: str) -> "SetExercise":
         """Return it from JSON."""
         plain = msgspec.json.decode(content)
-        kind = BedExercise if plain["mode"] == "dissect" else Exercise
-        plain["exercise"] = msgspec.convert(plain["exercise"], kind)
+        plain["exercise"] = msgspec.convert(renamed_exercise(plain["exercise"]), Exercise)
         plain["feedback"] = Feedback(plain["feedback"])
         return cls(**plain)
 
@@ -99,7 +101,7 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def on(self, organ: Organ, preset: Preset | None) -> SetExercise:
         """Return what it asks on the class's organ; this takes seconds the first time."""
         chosen = preset if self.duct.preset is None else preset_named(self.duct.preset)
-        offered: tuple[Exercise, ...] | tuple[BedExercise, ...]
+        offered: tuple[Exercise, ...]
         if self.goal in PULLS:
             pull = Session(organ, chosen, vertices=FEW)
             span, offered = pull.duct.dissection.beam.span, pull.exercises_offered()
@@ -133,7 +135,19 @@ def read_exercise(content: str) -> ExerciseFile:
     """Return the exercise in a TOML file."""
     if len(content) > LONGEST_FILE:
         raise ValueError(f"an exercise file has at most {LONGEST_FILE:,} characters")
-    return decoded(msgspec.toml.decode, content, ExerciseFile, "this is no exercise file")
+    return decoded(_decoded, content, ExerciseFile, "this is no exercise file")
+
+
+def _decoded(content: str, *, type: type[ExerciseFile]) -> ExerciseFile:  # noqa: A002
+    """Return an exercise file, in which older names of goals and limits stand for the present."""
+    plain: Any = msgspec.toml.decode(content)
+    if isinstance(goal := plain.get("goal"), str):
+        plain["goal"] = goal.replace("-", "_")
+    limits: Any = plain.get("limits")
+    if isinstance(limits, dict) and "share_limit" in limits:
+        plain["limits"] = limits | {"stress_ratio_limit": limits["share_limit"]}
+        del plain["limits"]["share_limit"]
+    return msgspec.convert(plain, type)
 
 
 def template(goal: Goal) -> str:
@@ -142,7 +156,7 @@ def template(goal: Goal) -> str:
         ""
         if goal in PULLS
         else f"""\
-bed = "{"scar" if goal == "free-scar" else "normal"}"   # see: bluntdissect info --beds
+bed = "{"scar" if goal == "free_scar" else "normal"}"   # see: bluntdissect info --beds
 seed = 1         # of the bed's scatter
 """
     )

@@ -12,6 +12,7 @@ import msgspec
 
 from app.classroom.exercise_file import SetExercise
 from app.classroom.store import ClassStore, Person, RunRecord
+from app.simulation import renamed_metrics
 
 __all__ = [
     "Result",
@@ -96,7 +97,7 @@ def results(store: ClassStore, person_id: str | None = None) -> list[Result]:
     """Return the runs of a class, or of one person, oldest first."""
     names = shown_names(store.people())
     limits = {
-        each.id: getattr(SetExercise.of_json(each.exercise).exercise, "share_limit", None)
+        each.id: getattr(SetExercise.of_json(each.exercise).exercise, "stress_ratio_limit", None)
         for each in store.assignments()
     }
     tries = Counter[tuple[str, object]]()
@@ -106,7 +107,11 @@ def results(store: ClassStore, person_id: str | None = None) -> list[Result]:
         tries[what] += 1
         limit = None if run.assignment_id is None else limits.get(run.assignment_id)
         name = names.get(run.person_id, "")
-        found.append(Result(run, name, tries[what], limit, msgspec.json.decode(run.measures)))
+        found.append(
+            Result(
+                run, name, tries[what], limit, renamed_metrics(msgspec.json.decode(run.measures))
+            )
+        )
     return found
 
 

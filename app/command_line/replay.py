@@ -1,5 +1,6 @@
 """`bluntdissect replay`: a run that was downloaded, made again: its measures, or a file of it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,8 +10,8 @@ from app.command_line.answer import AsJson, answer
 from app.command_line.load import organ_from
 
 if TYPE_CHECKING:
-    from app.simulation import Measures, Replay
-    from app.simulation.bed import DissectionMeasures, DissectionReplay
+    from app.simulation import Metrics, RunLog
+    from organ_geometry import Organ
 
 __all__ = ["replay"]
 
@@ -58,8 +59,8 @@ def replay(
     import msgspec
 
     from app.bounded_file import read_bounded
-    from app.simulation import MOST_BYTES, Replay, series_csv
-    from app.simulation.bed import DissectionFile, DissectionReplay, dissection_csv, read_any_run
+    from app.simulation import MOST_BYTES, read_run
+    from app.simulation.bed import replay_of
     from app.versions import versions
     from organ_geometry import check_target, write_atomic
 
@@ -67,32 +68,26 @@ def replay(
         _check_output(output)
     elif frames is not None or edge_length is not None:
         raise ValueError("--frames and --edge-length are of a file that plays the run: give -o")
-    original = read_any_run(read_bounded(run, MOST_BYTES, "run"))
+    original = read_run(read_bounded(run, MOST_BYTES, "run"))
     if csv is not None:
         check_target(csv)
     shape = organ_from(organ)
-    again: DissectionReplay | Replay
+    again = replay_of(original.log, shape)
+    found = again.run_file()
+    same = original.agrees_with(found)
+    rows = "" if csv is None else again.series().csv()
+    lines = _lines(found.metrics)
     facts: dict[str, object] = {}
-    if isinstance(original, DissectionFile):
-        again = DissectionReplay(original.log, shape, vertices=300)
-        found = again.run_file()
-        same = original.agrees_with(found)
-        rows = "" if csv is None else dissection_csv(again.series())
-        lines = _dissection_lines(found.measures)
-    else:
-        again = Replay(original.log, shape, vertices=300)
-        found = again.run_file()
-        same = original.agrees_with(found)
-        rows = "" if csv is None else series_csv(again.series())
-        lines = _lines(found.measures)
-        if found.log.exercise is not None:
-            facts = {"exercise_inputs": found.log.exercise_inputs}
-    played = {} if output is None else _write_played(again, output, frames, edge_length)
+    if found.log.exercise is not None and found.log.start.theory is not None:
+        facts = {"exercise_inputs": found.log.exercise_inputs}
+    played = (
+        {} if output is None else _write_played(original.log, shape, output, frames, edge_length)
+    )
     if csv is not None:
         write_atomic(csv, rows.encode())
     outcome = found.outcome
     result = {
-        "measures": msgspec.to_builtins(found.measures),
+        "metrics": found.metrics,
         "outcome": None if outcome is None else msgspec.to_builtins(outcome),
         "as_recorded": same,
     }
@@ -126,21 +121,17 @@ def _check_output(path: Path) -> None:
 
 
 def _write_played(
-    again: "DissectionReplay | Replay", path: Path, frames: int | None, edge_length: float | None
+    log: "RunLog", organ: "Organ", path: Path, frames: int | None, edge_length: float | None
 ) -> dict[str, object]:
     """Write a file that plays a run, and return its description."""
     from app.export.motion import MOST_FRAMES, PAGE_FRAMES
     from app.export.recorded_run import RecordedRun
-    from app.simulation.bed import DissectionReplay
     from organ_geometry import write_atomic
 
     rigged = path.suffix.lower() == ".glb"
     if frames is None:
         frames = MOST_FRAMES if rigged else PAGE_FRAMES
-    if isinstance(again, DissectionReplay):
-        run = RecordedRun.of_dissection(again, frames=frames)
-    else:
-        run = RecordedRun.of(again, frames=frames)
+    run = RecordedRun.of_log(log, organ, frames=frames)
     if rigged:
         content = run.rigged(edge_length=0.5 if edge_length is None else edge_length)
     else:
@@ -152,79 +143,29 @@ def _write_played(
     return {"file": str(path), "bytes": len(content), "keys": len(run.motion.times)}
 
 
-def _figure(value: float | None, unit: str = "") -> str:
-    return "none" if value is None else f"{value!r} {unit}".rstrip()
+def _lines(metrics: "Metrics") -> list[tuple[str, str]]:
+    """Return each metric's name, and its value and unit."""
+    from app.simulation import METRICS
 
-
-def _dissection_lines(measures: "DissectionMeasures") -> list[tuple[str, str]]:
-    def both(values: tuple[float, float], unit: str) -> str:
-        return f"{values[0]!r} and {values[1]!r} {unit}".rstrip()
-
-    found, torn = measures, measures.tear
-    return [
-        ("time", _figure(found.time_s, "s")),
-        ("freed length", _figure(found.freed_mm, "mm")),
-        ("longest freed stretch", _figure(found.longest_freed_stretch_mm, "mm")),
-        ("strands parted", f"{found.strands_parted} of {found.strands}"),
-        ("by each hand", both(found.strands_parted_by_hand, "")),
-        ("against an instrument", str(found.strands_parted_by_instrument)),
-        ("out of sight", str(found.strands_parted_out_of_sight)),
-        (
-            "peak stress share",
-            f"{found.peak_stress_share!r} of the break, {found.peak_stress_station_mm:.6g} mm from "
-            f"the first clamp",
-        ),
-        ("smallest distance to break", _figure(found.smallest_distance_to_break)),
-        ("time above half of the break", _figure(found.time_above_half_s, "s")),
-        ("shortest time to break", _figure(found.shortest_time_to_break_s, "s")),
-        ("work of each hand", both(found.work_mJ, "mJ")),
-        ("energy parted", _figure(found.parted_energy_mJ, "mJ")),
-        ("most energy in the duct", _figure(found.duct_energy_mJ, "mJ")),
-        ("economy of work", _figure(found.economy_of_work)),
-        ("maximum force of each hand", both(found.maximum_force_N, "N")),
-        ("force-time product of each", both(found.force_time_product_N_s, "N s")),
-        ("maximum instrument force", _figure(found.maximum_instrument_force_N, "N")),
-        ("direction of traction", _figure(found.traction_angle_deg, "degrees off straight up")),
-        (
-            "tear",
-            "none"
-            if torn is None
-            else f"at {torn.time_s!r} s, {torn.station_mm:.6g} mm from the first clamp",
-        ),
-    ]
-
-
-def _lines(measures: "Measures") -> list[tuple[str, str]]:
-    torn = measures.tear
     lines = [
-        ("time", _figure(measures.time_s, "s")),
-        ("maximum force", _figure(measures.maximum_force_N, "N")),
-        ("mean absolute non-zero force", _figure(measures.mean_absolute_nonzero_force_N, "N")),
-        ("standard deviation of it", _figure(measures.force_sd_N, "N")),
-        ("force-time product", _figure(measures.force_time_product_N_s, "N s")),
         (
-            "time over threshold",
-            f"{measures.time_over_threshold_s!r} s over {measures.task_threshold_N!r} N",
-        ),
-        ("maximum rate of loading", _figure(measures.maximum_loading_rate_N_per_s, "N/s")),
-        ("overshoot", _figure(measures.overshoot, "of the goal")),
-        ("path length", _figure(measures.path_length_mm, "mm")),
-        ("economy of motion", _figure(measures.economy_of_motion, "")),
-        (
-            "smoothness",
-            "too short"
-            if measures.smoothness is None and measures.path_length_mm > 0.0
-            else _figure(measures.smoothness, "(log dimensionless jerk)"),
-        ),
-        ("smallest distance to break", _figure(measures.smallest_distance_to_break, "")),
+            each.name(metrics)[:1].lower() + each.name(metrics)[1:],
+            _value(metrics[each.key], each.unit if each.factor == 1.0 else ""),
+        )
+        for each in METRICS
+        if each.key in metrics
     ]
-    if torn is None:
+    if metrics.get("smoothness", 0.0) is None and metrics["path_length_mm"] > 0.0:
+        lines = [(name, "too short" if name == "smoothness" else text) for name, text in lines]
+    tear = metrics["tear"]
+    if tear is None:
         return [*lines, ("tear", "none")]
-    return [
-        *lines,
-        (
-            "tear",
-            f"at {torn.time_s!r} s under {torn.force_N!r} N, {torn.station_mm:.6g} mm from the "
-            f"first clamp: {torn.criterion}",
-        ),
-    ]
+    force = f" under {tear['force_N']!r} N" if "force_N" in tear else ""
+    at = f"at {tear['time_s']!r} s{force}, {tear['station_mm']:.6g} mm from the first clamp"
+    return [*lines, ("tear", at)]
+
+
+def _value(value: float | Sequence[float] | None, unit: str) -> str:
+    if isinstance(value, Sequence):
+        return f"{' and '.join(map(repr, value))} {unit}".rstrip()
+    return "none" if value is None else f"{value!r} {unit}".rstrip()

@@ -8,8 +8,19 @@ from app.export.bed_recorder import BedRecorder
 from app.export.motion import WHOLE, Motion, MotionKey, check_frames
 from app.export.rigged_organ import rigged_organ
 from app.export.snapshot import Snapshot, bed_snapshots
-from app.simulation import AFTER_TEAR, TICK_SECONDS, Dissection, Phase, Reading, Replay
-from app.simulation.bed import BeddedDuct, DissectionReplay
+from app.simulation import (
+    AFTER_TEAR,
+    FEW,
+    TICK_SECONDS,
+    Dissection,
+    Phase,
+    Reading,
+    Replay,
+    RunLog,
+    Session,
+)
+from app.simulation.bed import BeddedDuct, BedSession
+from organ_geometry import Organ
 from organ_geometry.mesh import TornPiece, organ_skin
 from physics import RuptureCheck
 
@@ -28,7 +39,14 @@ class RecordedRun:
     seed: int  # of the torn rim's raggedness
 
     @classmethod
-    def of(cls, replay: Replay, *, frames: int) -> "RecordedRun":
+    def of_log(cls, log: RunLog, organ: Organ, *, frames: int) -> "RecordedRun":
+        """Return a logged run: `frames` keys to its end or tear, then the recoil."""
+        if log.start.in_bed:
+            return cls.of_dissection(Replay(BedSession, log, organ, vertices=FEW), frames=frames)
+        return cls.of(Replay(Session, log, organ, vertices=FEW), frames=frames)
+
+    @classmethod
+    def of(cls, replay: Replay[Session], *, frames: int) -> "RecordedRun":
         """Return a replayed run: `frames` keys to its end or tear, then the recoil tick by tick."""
         check_frames(frames)
         ticks, session = replay.log.ticks, replay.session
@@ -55,7 +73,7 @@ class RecordedRun:
         return cls(dissection, Motion.of(RUN, keys), replay.log.seed)
 
     @classmethod
-    def of_dissection(cls, replay: DissectionReplay, *, frames: int) -> "RecordedRun":
+    def of_dissection(cls, replay: Replay[BedSession], *, frames: int) -> "RecordedRun":
         """Return a replayed dissection: `frames` keys to its end or its tear, then the recoil."""
         check_frames(frames)
         ticks, session = replay.log.ticks, replay.session
@@ -109,13 +127,13 @@ class RecordedRun:
 
 
 def _bed_reading(duct: BeddedDuct, check: RuptureCheck) -> Reading:
-    """Return what is shown of a duct in its bed: the hand that pulls hardest, the first's place."""
+    """Return what is shown of a duct in its bed: the hand that pulls hardest."""
     shown = duct.reading()
     hardest = int(np.argmax((shown.forces**2).sum(axis=1)))
     force, node = shown.forces[hardest], duct.hands[hardest].node
     moved = np.zeros(3) if node is None else duct.beam.places[node] - duct.beam.rest_place(node)
     deflection = float(np.sqrt(moved @ moved))
-    x, y, z = duct.hands[0].place.tolist()
+    x, y, z = duct.hands[hardest].place.tolist()
     return Reading(
         phase=Phase.INTACT,
         force=float(np.sqrt(force @ force)),
@@ -124,5 +142,5 @@ def _bed_reading(duct: BeddedDuct, check: RuptureCheck) -> Reading:
         breaks_at=None,
         deepest=deflection,
         hook=(x, y, z),
-        held=shown.held[0],
+        held=shown.held[hardest],
     )

@@ -10,7 +10,9 @@ from app.simulation.dissection import PIECES, Dissection, default_preset, fits, 
 from app.simulation.drawn_duct import Stresses, SurfaceStress
 from app.simulation.duct import Duct, Reading
 from app.simulation.exercise import (
+    TITLES,
     ApproachBreak,
+    BedExercise,
     Exercise,
     ExerciseInputs,
     Feedback,
@@ -20,7 +22,10 @@ from app.simulation.exercise import (
 )
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import Grasper, Load
+from app.simulation.inputs import HOLDING, INSTRUMENTS, Input, Instrument, TheoryChoice
 from app.simulation.measures import Measures
+from app.simulation.metrics import DISTANCE_TO_BREAK, METRICS, Metric, Metrics, metrics_of
+from app.simulation.older_runs import read_run, renamed_exercise, renamed_metrics
 from app.simulation.preset import (
     ASSUMED_PRESET,
     LIMITS,
@@ -35,15 +40,14 @@ from app.simulation.preset import (
     presets,
     read_preset,
 )
-from app.simulation.replay import AFTER_TEAR, BaseReplay, Replay, Series, loading_rates, series_csv
+from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
 from app.simulation.run import Run
-from app.simulation.run_log import (
+from app.simulation.run_file import (
     MOST_BYTES,
     OrganIdentity,
     RunFile,
     RunFileError,
-    TheoryChoice,
-    read_run,
+    RunLog,
     run_json,
 )
 from app.simulation.scripted_hand import CAREFUL, do_exercise
@@ -55,18 +59,24 @@ __all__ = [
     "AFTER_TEAR",
     "ASSUMED_PRESET",
     "CAREFUL",
+    "DISTANCE_TO_BREAK",
+    "FEW",
     "FRONT_SECONDS",
+    "HOLDING",
+    "INSTRUMENTS",
     "LIMITS",
+    "METRICS",
     "MOST_BYTES",
     "PIECES",
     "SETTLED_SECONDS",
     "THESIS_PRESET",
     "TICKS_PER_SECOND",
     "TICK_SECONDS",
+    "TITLES",
     "VERTICES",
     "ApproachBreak",
-    "BaseReplay",
     "BeamModel",
+    "BedExercise",
     "Clock",
     "Dissection",
     "Duct",
@@ -79,8 +89,12 @@ __all__ = [
     "GraspedBeam",
     "Grasper",
     "HoldStretch",
+    "Input",
+    "Instrument",
     "Load",
     "Measures",
+    "Metric",
+    "Metrics",
     "OrganBeam",
     "OrganIdentity",
     "Outcome",
@@ -92,6 +106,7 @@ __all__ = [
     "Run",
     "RunFile",
     "RunFileError",
+    "RunLog",
     "Series",
     "Session",
     "Specimen",
@@ -105,14 +120,16 @@ __all__ = [
     "do_exercise",
     "fits",
     "loading_rates",
+    "metrics_of",
     "organ_beam",
     "preset_named",
     "preset_toml",
     "presets",
     "read_preset",
     "read_run",
+    "renamed_exercise",
+    "renamed_metrics",
     "run_json",
-    "series_csv",
     "tear_front",
     "tear_swing",
 ]

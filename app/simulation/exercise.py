@@ -7,11 +7,16 @@ from typing import ClassVar, Literal
 import msgspec
 import numpy as np
 
+from app.simulation.bed_preset import BedPreset
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.grasped_beam import GraspedBeam
+from app.simulation.inputs import Instrument
 
 __all__ = [
+    "TITLES",
     "ApproachBreak",
+    "BedExercise",
+    "BedExerciseName",
     "Exercise",
     "ExerciseInputs",
     "Feedback",
@@ -50,7 +55,7 @@ REACTION_SECONDS = 0.25
 """s, a visual reaction time (docs/measures.md, source 11)."""
 
 
-class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold-stretch"):
+class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold_stretch"):
     """Hold a given deflection for a time without exceeding a force."""
 
     deflection_mm: float  # of the grasp
@@ -88,7 +93,7 @@ class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold-s
         return {"maximum_force_N": self.force_limit_N}
 
 
-class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="approach-break"):
+class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="approach_break"):
     """Approach the break to a margin, stay there for a time, and do not tear the duct."""
 
     margin: float  # distance to break to reach, 0 to 1
@@ -125,7 +130,7 @@ class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="appr
         return {}
 
 
-class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentle-lifts"):
+class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentle_lifts"):
     """Lift the duct to a working height, keep it there and lead it back, several times, gently.
 
     Gentle is meant as in the literature: low peak and mean force, slow loading, no overshoot, and
@@ -196,7 +201,7 @@ class GentleDissection(msgspec.Struct, frozen=True, tag_field="exercise", tag="g
         }
 
 
-class LeastImpulse(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentle-dissection"):
+class LeastImpulse(msgspec.Struct, frozen=True, tag_field="exercise", tag="least_impulse"):
     """Tear the duct with the least force-time product: only in run files of version 1.
 
     It rewards the quickest pull, so it is not offered any more.
@@ -231,7 +236,130 @@ class LeastImpulse(msgspec.Struct, frozen=True, tag_field="exercise", tag="gentl
         return {"force_time_product_N_s": self.product_limit_N_s}
 
 
-Exercise = HoldStretch | ApproachBreak | GentleDissection | LeastImpulse
+BedExerciseName = Literal["window", "follow_front", "free_scar"]
+TITLES: dict[BedExerciseName, str] = {
+    "window": "Open a window",
+    "follow_front": "Follow the front",
+    "free_scar": "Free a scar with two hands",
+}
+
+
+class BedExercise(
+    msgspec.Struct,
+    frozen=True,
+    forbid_unknown_fields=True,
+    tag_field="exercise",
+    tag="free_stretch",
+):
+    """Free a stretch of duct within limits of what its wall and the tissue behind it bear."""
+
+    name: BedExerciseName
+    bed: str | BedPreset
+    bed_seed: int
+    free_mm: float  # length that is to be free between `from_mm` and `to_mm`
+    from_mm: float  # from the first clamp
+    to_mm: float
+    instruments: tuple[Instrument, ...]
+    stress_ratio_limit: float  # largest stress in the wall over its threshold
+    time_to_break_limit_s: float  # at the pace at which that share grows
+    out_of_sight_limit: int  # strands
+    instrument_force_limit_N: float | None = None  # on jaws or a swab  # noqa: N815
+    opened_mm: tuple[float, float] | None = None  # free at the start
+    divided: bool = False  # the duct ends at its second clamp, which is gone
+    time_limit_s: float = 120.0
+    one_stretch: bool = False  # whether `free_mm` are of one free stretch, or of all
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.from_mm < self.to_mm < math.inf:
+            raise ValueError(f"from_mm and to_mm must rise, got {self.from_mm} and {self.to_mm}")
+        if not 0.0 < self.free_mm <= self.to_mm - self.from_mm:
+            raise ValueError(f"free_mm must be above 0 and within to_mm, got {self.free_mm}")
+        if not 0.0 < self.stress_ratio_limit < 1.0:
+            raise ValueError(
+                f"stress_ratio_limit must be above 0 and below 1, got {self.stress_ratio_limit}"
+            )
+        if not 0.0 <= self.time_to_break_limit_s < math.inf:
+            raise ValueError(
+                f"time_to_break_limit_s must be 0 or more, got {self.time_to_break_limit_s}"
+            )
+        force = self.instrument_force_limit_N
+        if force is not None and not 0.0 < force < math.inf:
+            raise ValueError(f"instrument_force_limit_N must be above 0 and finite, got {force}")
+        if self.opened_mm is not None and not (
+            0.0 <= self.opened_mm[0] < self.opened_mm[1] < math.inf
+        ):
+            raise ValueError(f"opened_mm must rise, got {self.opened_mm}")
+        if self.out_of_sight_limit < 0:
+            raise ValueError(f"out_of_sight_limit must be 0 or more, got {self.out_of_sight_limit}")
+        if not 0.0 < self.time_limit_s <= LONGEST_SECONDS:
+            raise ValueError(
+                f"time_limit_s must be above 0 and at most {LONGEST_SECONDS:g} s, "
+                f"got {self.time_limit_s}"
+            )
+
+    @property
+    def title(self) -> str:
+        """Its title."""
+        return TITLES[self.name]
+
+    @property
+    def goal(self) -> str:
+        """What to do, in one sentence."""
+        if self.name == "window":
+            return (
+                f"Pass the dissector behind the duct and open it until {self.free_mm:.0f} mm "
+                + ("are free in one stretch." if self.one_stretch else "are free.")
+            )
+        if self.name == "follow_front":
+            return (
+                f"The duct is divided and its end is free: from there, free {self.free_mm:.0f} mm "
+                f"more with the hook: take hold at the front, lift, let go, take hold again."
+            )
+        return (
+            f"Hold the duct up with one hand and open the dissector behind it with the other until "
+            f"the scar's {self.free_mm:.0f} mm are free."
+        )
+
+    @property
+    def limit(self) -> str:
+        """What not to do, in one sentence."""
+        force = self.instrument_force_limit_N
+        return (
+            f"Never load the wall past {100.0 * self.stress_ratio_limit:.0f} % of its break, "
+            f"nor so fast that it would break within {self.time_to_break_limit_s:g} s"
+            + (f", nor push the instrument with more than {force:.2g} N" if force else "")
+            + f"; tear no more than {self.out_of_sight_limit} strands out of sight."
+        )
+
+    @property
+    def band(self) -> tuple[float, float] | None:
+        """None: the goal is a free length."""
+        return None
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Limits that fail the exercise, by the measure's name."""
+        found = {
+            "peak_stress_ratio": self.stress_ratio_limit,
+            "shortest_time_to_break_s": self.time_to_break_limit_s,
+            "strands_broken_out_of_sight": float(self.out_of_sight_limit),
+        }
+        if self.instrument_force_limit_N is not None:
+            found["maximum_instrument_force_N"] = self.instrument_force_limit_N
+        return found
+
+    def freed(self, stretches: list[tuple[float, float]]) -> float:
+        """Return the length that is free within the goal's ends, mm: of all stretches or of one."""
+        inside = [min(b, self.to_mm) - max(a, self.from_mm) for a, b in stretches]
+        return (max if self.one_stretch else sum)([0.0, *(each for each in inside if each > 0.0)])
+
+    def standing(self, freed: float) -> str:
+        """Return how much of what is asked for is free, in words."""
+        where = " in one stretch" if self.one_stretch else ""
+        return f"{freed:.0f} of {self.free_mm:.0f} mm free{where}"
+
+
+Exercise = HoldStretch | ApproachBreak | GentleDissection | LeastImpulse | BedExercise
 
 ExerciseInputs = Literal["hand", "any"]
 """Inputs that count in an exercise: the hand alone, or sliders and keys as well."""

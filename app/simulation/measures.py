@@ -67,7 +67,8 @@ class MeasureTaker:
 
     `task_threshold` is the force, N, above which time is counted. `band` is the goal's deflections,
     mm, or None. So far: `ticks`, `maximum_force` (N), `maximum_loading_rate` (N/s) and `overshoot`
-    (over the band's middle deflection; None without a band).
+    (over the band's middle deflection; None without a band). In the last tick: `force` (N),
+    `deflection` (mm), `distance_to_break` and `held`.
 
     The smoothness is -ln(T^3 / v^2 * integral of |x'''|^2 dt) of the hook's path, with T the time
     that it moves and v its peak speed. The third derivative is the third difference of its last
@@ -91,6 +92,14 @@ class MeasureTaker:
         self._slowed = False  # whether it has slowed down again after its peak speed
         self._distance = 1.0
         self._tear: TearMeasures | None = None
+        self.force = self.deflection = 0.0
+        self.distance_to_break = 1.0
+        self.held = False
+
+    @property
+    def torn(self) -> bool:
+        """Whether the duct has torn."""
+        return self._tear is not None
 
     @property
     def seconds(self) -> float:
@@ -119,6 +128,8 @@ class MeasureTaker:
     ) -> None:
         """Take one tick (N, mm); `came_from` is where a hold that starts in it took the duct."""
         self.ticks += 1
+        self.force, self.deflection, self.held = force, deflection, held
+        self.distance_to_break = distance_to_break
         size = abs(force)
         if size > 0.0:
             self.maximum_force = max(self.maximum_force, size)

@@ -1,8 +1,9 @@
 """A run in progress: its inputs, its measures and its exercise, tick by tick."""
 
-from array import array
-from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar, get_args
+from collections.abc import Callable
+from typing import Protocol
+
+import msgspec
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import (
@@ -12,74 +13,51 @@ from app.simulation.exercise import (
     Outcome,
     feedback_visible,
 )
-from app.simulation.measures import Measures, MeasureTaker, Place
-from app.simulation.preset import Preset
-from app.simulation.run_log import (
-    MOST_INPUTS,
-    MOST_TICKS,
-    InputKind,
-    OrganIdentity,
-    RunInput,
-    RunLog,
-    RunStart,
-    TheoryChoice,
-)
-from app.simulation.trial import Figures, Trial, trial_of
+from app.simulation.inputs import MOST_INPUTS, MOST_TICKS, InputKind, InputLog
+from app.simulation.metrics import Metrics, metrics_of
+from app.simulation.run_file import OrganIdentity, RunFile, RunLog, RunStart
+from app.simulation.trial import Trial
 from app.versions import versions
-from physics import BreakEvent, Theory
+from physics import Theory
 
-__all__ = ["BaseRun", "Run", "StartingPoint", "Taken"]
-
-KINDS: tuple[InputKind, ...] = get_args(InputKind)
-LAST_COUNTS = frozenset({"hand", "threshold"})
-"""Inputs of which only the last between two ticks has an effect: it replaces the one before."""
+__all__ = ["Run", "Taker"]
 
 
-@dataclass(frozen=True, slots=True)
-class StartingPoint:
-    """The settings that a run starts from."""
-
-    preset: Preset
-    theory: Theory
-    grasp: float  # mm from the first clamp
-    threshold: float  # MPa
-
-
-class Taken(Protocol):
+class Taker(Protocol):
     """What takes a run's measures."""
 
     ticks: int
 
+    def measures(self) -> msgspec.Struct:
+        """Return the measures so far."""
+        ...
 
-ExerciseT = TypeVar("ExerciseT")
-StartT = TypeVar("StartT")
-TakerT = TypeVar("TakerT", bound=Taken)
 
+class Run:
+    """A run: it starts with the first input and is over with the tear or the exercise.
 
-class BaseRun(Generic[ExerciseT, StartT, TakerT]):
-    """What the runs of a pull and of a dissection have in common.
-
-    A run starts with the first input and is over with the tear or the exercise. `exercise` is
-    judged by `trial`, if there is one. Inputs are logged as rows of bare numbers: half an hour of
-    dragging is a few megabytes.
+    `taker` has taken a tick's measures before the tick is counted here; `trial` judges the
+    exercise, if there is one.
     """
 
     def __init__(
         self,
-        taker: TakerT,
-        exercise: ExerciseT | None,
-        feedback: Feedback,
-        trial: Trial[Any] | None,
+        taker: Taker,
+        exercise: Exercise | None = None,
+        feedback: Feedback = Feedback.CONTINUOUS,
+        exercise_inputs: ExerciseInputs = "any",
+        trial: Trial | None = None,
     ) -> None:
         self.exercise, self.feedback = exercise, feedback
+        self.exercise_inputs: ExerciseInputs = exercise_inputs
         self._taker, self._trial = taker, trial
-        self._start: StartT | None = None
+        self._start: Callable[[], RunStart] | None = None
         self._over = False
-        self._ticks, self._kinds, self._values = array("L"), array("B"), array("d")
+        self._log = InputLog()
 
     @property
     def started(self) -> bool:
-        """Whether the duct has been pulled."""
+        """Whether there has been an input."""
         return self._start is not None
 
     @property
@@ -100,7 +78,7 @@ class BaseRun(Generic[ExerciseT, StartT, TakerT]):
     @property
     def inputs(self) -> int:
         """How many inputs are logged; at most `MOST_INPUTS`."""
-        return len(self._ticks)
+        return len(self._log)
 
     @property
     def seconds(self) -> float:
@@ -127,136 +105,58 @@ class BaseRun(Generic[ExerciseT, StartT, TakerT]):
         """Whether the figures are shown now."""
         return feedback_visible(self.feedback, self.seconds, over=self._over)
 
-    def start(self, point: StartT) -> None:
-        """Start the clock, with the first input."""
-        self._start = point
-
-    def finish(self) -> None:
-        """End the run as it stands."""
-        self._over = True
-
-    def _note(self, kind: int, *values: float, replaces: bool) -> None:
-        """Log an input; it replaces one of its kind just before it in the same tick, if it may."""
-        if not self.going:
-            return
-        again = self._ticks and (self._ticks[-1], self._kinds[-1]) == (self.ticks, kind)
-        if again and replaces:
-            self._values[-len(values) :] = array("d", values)
-            return
-        if len(self._ticks) >= MOST_INPUTS:
-            self.finish()
-            return
-        self._ticks.append(self.ticks)
-        self._kinds.append(kind)
-        self._values.extend(values)
-
-    def _end(self, *, torn: bool) -> None:
-        """End the run after a tick in which the duct tore, the exercise ended or time is up."""
-        if torn or self.outcome is not None or self.ticks >= MOST_TICKS:
-            self._over = True
-
-
-class Run(BaseRun[Exercise, StartingPoint, MeasureTaker]):
-    """One run: it starts with the first pull and is over with the tear or the exercise.
-
-    Times above a force of `task_threshold`, N, are counted; `exercise` is judged, if there is one.
-    """
-
-    def __init__(
-        self,
-        task_threshold: float,
-        exercise: Exercise | None = None,
-        feedback: Feedback = Feedback.CONTINUOUS,
-        exercise_inputs: ExerciseInputs = "any",
-    ) -> None:
-        super().__init__(
-            MeasureTaker(task_threshold, exercise and exercise.band),
-            exercise,
-            feedback,
-            None if exercise is None else trial_of(exercise),
-        )
-        self.exercise_inputs: ExerciseInputs = exercise_inputs
-        self._theories: list[Theory] = []
-
     @property
     def hand_only(self) -> bool:
         """Whether an exercise that counts the hand only waits or goes on."""
         return self.exercise is not None and self.exercise_inputs == "hand" and not self._over
 
-    def note(self, kind: InputKind, value: float | Theory | None = None) -> None:
+    def start(self, start: Callable[[], RunStart]) -> None:
+        """Start the clock with the first input; `start` returns what the run starts from."""
+        self._start = start
+
+    def finish(self) -> None:
+        """End the run as it stands."""
+        self._over = True
+
+    def note(self, hand: int, kind: InputKind, *values: float | Theory) -> None:
         """Log an input; ignored before the start and once the run is over."""
         if not self.going:
             return
-        if value is None:
-            figure = 0.0
-        elif isinstance(value, int | float):
-            figure = float(value)
-        else:
-            figure = float(len(self._theories))
-            self._theories.append(value)
-        self._note(KINDS.index(kind), figure, replaces=kind in LAST_COUNTS)
-
-    def take(
-        self,
-        force: float,
-        deflection: float,
-        hook: Place,
-        distance_to_break: float,
-        *,
-        came_from: Place,
-        held: bool,
-        torn: BreakEvent | None,
-    ) -> None:
-        """Take one tick; ignored before the start and once the run is over."""
-        if not self.going:
+        if self.inputs >= MOST_INPUTS:
+            self.finish()
             return
-        taker = self._taker
-        taker.take(
-            force, hook, distance_to_break, held=held, deflection=deflection, came_from=came_from
-        )
-        if torn is not None:
-            taker.tear(torn)
+        self._log.note(self.ticks, hand, kind, *values)
+
+    def end_tick(self, *, torn: bool) -> None:
+        """Judge a tick whose measures are taken; a tear, the exercise's end or time end the run."""
         if self._trial is not None:
-            self._trial.take(
-                Figures(force, deflection, distance_to_break, taker, held, torn is not None)
-            )
-        self._end(torn=torn is not None)
+            self._trial.take()
+        if torn or self.outcome is not None or self.ticks >= MOST_TICKS:
+            self._over = True
 
-    def regrasp(self) -> None:
-        """Start a new hold in the measures: the grasper holds another place."""
-        self._taker.regrasp()
+    def metrics(self) -> Metrics:
+        """Return the measures so far, by key; a `ValueError` before the start."""
+        self._started_from()
+        return metrics_of(self._taker.measures())
 
-    def measures(self) -> Measures:
-        """Return the measures so far."""
-        return self._taker.measures()
-
-    def log(self, organ: OrganIdentity, seed: int) -> RunLog:
-        """Return the log so far."""
-        start = self._start
-        if start is None:
-            raise ValueError("a run starts with the first pull; there has been none")
-        return RunLog(
+    def file(self, organ: OrganIdentity, seed: int) -> RunFile:
+        """Return the run so far; a `ValueError` before the start."""
+        start = self._started_from()
+        log = RunLog(
             versions=versions(),
             organ=organ,
-            start=RunStart(
-                start.preset.name if start.preset.ships else start.preset,
-                TheoryChoice.of(start.theory),
-                start.grasp,
-                start.threshold,
-            ),
+            start=start(),
             seed=seed,
             tick_seconds=TICK_SECONDS,
             ticks=self.ticks,
-            inputs=[
-                RunInput(tick, KINDS[kind], self._value(KINDS[kind], value))
-                for tick, kind, value in zip(self._ticks, self._kinds, self._values, strict=True)
-            ],
+            inputs=self._log.inputs(),
             exercise=self.exercise,
             feedback=self.feedback,
             exercise_inputs=self.exercise_inputs,
         )
+        return RunFile.of(log, self.metrics(), self.outcome)
 
-    def _value(self, kind: InputKind, value: float) -> float | TheoryChoice | None:
-        if kind == "let-go":
-            return None
-        return TheoryChoice.of(self._theories[int(value)]) if kind == "theory" else value
+    def _started_from(self) -> Callable[[], RunStart]:
+        if self._start is None:
+            raise ValueError("a run starts with the first input; there has been none")
+        return self._start

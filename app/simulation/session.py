@@ -9,6 +9,7 @@ import contextlib
 from collections import deque
 from collections.abc import Callable
 from threading import RLock
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +27,12 @@ from app.simulation.exercise import (
 )
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import Grasper, Load
-from app.simulation.measures import Measures
+from app.simulation.inputs import Input, TheoryChoice
+from app.simulation.measures import Measures, MeasureTaker
 from app.simulation.preset import OrganBeam, Preset, preset_named, presets
-from app.simulation.run import Run, StartingPoint
-from app.simulation.run_log import OrganIdentity, RunFile
+from app.simulation.run import Run
+from app.simulation.run_file import OrganIdentity, RunFile, RunFileError, RunLog, RunStart
+from app.simulation.trial import trial_of
 from organ_geometry import Organ
 from physics import Cubic, NoEquilibrium, Theory
 
@@ -40,6 +43,8 @@ VERTICES = 5000
 # Force above which a run's time is counted, over the force at break at mid-span.
 TASK_THRESHOLD = 0.5
 MOST_TRIES = 20
+# A free duct has one hand at one tube.
+HAND = TUBE = 0
 """Most finished exercises kept for comparison."""
 
 
@@ -67,7 +72,8 @@ class Session:
         self.seed = seed
         self.grasper = Grasper()
         self.drawn = DrawnDuct(organ, vertices, seed)
-        self.run = Run(0.0)
+        self._taker = MeasureTaker(0.0)
+        self.run = Run(self._taker)
         self._lock = RLock()
         self._organ, self._vertices = organ, vertices
         self._ghost: Ghost | None = None
@@ -87,7 +93,7 @@ class Session:
                     self._begin_run()
                 target = _within(force, (0.0, self.duct.force_limit))
                 if self.grasper.set_target_force(target):
-                    self.run.note("force", target)
+                    self.run.note(HAND, "force", target)
 
     def grab(self, station: float) -> float | None:
         """Take the duct by hand at a station; return its deflection there, mm, or None if torn."""
@@ -98,7 +104,7 @@ class Session:
             self._begin_run()
             duct.grasp = _within(station, duct.grasp_range)
             self.grasper.grab(max(0.0, duct.grasped.deflection_at(duct.grasp)))
-            self.run.note("grab", duct.grasp)
+            self.run.note(HAND, "grab", TUBE, duct.grasp)
             return self.grasper.deflection
 
     def move_hand(self, deflection: float) -> None:
@@ -110,13 +116,13 @@ class Session:
             if self.duct.accepts(deflection):
                 target = _within(deflection, (0.0, self.duct.deflection_limit))
                 if self.grasper.move_hand(target):
-                    self.run.note("hand", target)
+                    self.run.note(HAND, "lift", target)
 
     def release(self) -> None:
         """Let the duct spring back."""
         with self._lock:
             if self.duct.tear is None and self.grasper.release():
-                self.run.note("let-go")
+                self.run.note(HAND, "release")
 
     def set_grasp(self, grasp: float) -> None:
         """Hold the duct elsewhere, mm from the first clamp; keep the force or the deflection."""
@@ -126,7 +132,7 @@ class Session:
             if self.run.over:
                 self._task_grasp = None
             if self._hold_at(_within(grasp, self.duct.grasp_range)):
-                self.run.note("grasp", self.duct.grasp)
+                self.run.note(HAND, "grasp", self.duct.grasp)
 
     def set_threshold(self, threshold: float) -> None:
         """Let the duct tear at another stress, MPa."""
@@ -135,7 +141,7 @@ class Session:
                 duct, threshold = self.duct, _within(threshold, self.duct.threshold_range)
                 if threshold != duct.threshold:
                     duct.threshold = threshold
-                    self.run.note("threshold", threshold)
+                    self.run.note(HAND, "threshold", threshold)
 
     def reset(self) -> None:
         """Release the duct and make it whole; the next pull starts a run without an exercise.
@@ -285,7 +291,7 @@ class Session:
             if self.duct.tear is None:
                 self.duct.solve_by(model, self.grasper)
                 if self.run.started:
-                    self.run.note("theory", theory)
+                    self.run.note(HAND, "theory", theory)
                 else:
                     self._new_run(self.run.exercise, self.run.feedback, self.run.exercise_inputs)
 
@@ -347,7 +353,7 @@ class Session:
     def measures(self) -> Measures:
         """Return the measures of this run so far."""
         with self._lock:
-            return self.run.measures()
+            return self._taker.measures()
 
     def run_file(self) -> RunFile:
         """Return this run so far, to keep, download and replay."""
@@ -374,6 +380,89 @@ class Session:
             self._chain = self._new_chain()
         self._new_run()
 
+    @property
+    def torn(self) -> bool:
+        """Whether the duct tears or is torn."""
+        return self.duct.tear is not None
+
+    # Replays.
+
+    @classmethod
+    def of_log(cls, log: RunLog, organ: Organ, vertices: int) -> Self:
+        """Return a session for a run; a `RunFileError` where it cannot be replayed here."""
+        log.organ.check(organ)
+        preset = log.start.preset
+        try:
+            if isinstance(preset, str):
+                preset = preset_named(preset)
+            return cls(organ, preset, vertices=vertices, seed=log.seed)
+        except ValueError as error:
+            raise RunFileError(f"the run's preset: {error}") from None
+
+    def restart(self, log: RunLog) -> None:
+        """Go to where a run starts."""
+        start = log.start
+        self.reset()
+        try:
+            theory = Cubic() if start.theory is None else start.theory.theory()
+            if self.duct.theory != theory:
+                self.choose_theory(theory)
+        except ValueError as error:
+            raise RunFileError(f"the run's theory: {error}") from None
+        grasp = self.duct.grasp if start.grasp_mm is None else start.grasp_mm
+        self.set_grasp(grasp)
+        self.set_threshold(start.threshold_MPa)
+        if (self.duct.grasp, self.duct.threshold) != (grasp, start.threshold_MPa):
+            raise RunFileError(
+                f"the run's grasp of {grasp:g} mm or threshold of {start.threshold_MPa:g} MPa is "
+                "out of this duct's range"
+            )
+        if log.exercise is not None:
+            self.start_exercise(log.exercise, log.feedback, inputs=log.exercise_inputs)
+        self.advance()  # settle first: the run starts from a duct at rest, already drawn
+
+    def apply(self, each: Input) -> None:
+        """Apply an input; one that a free duct does not take is ignored."""
+        value = each.value
+        if each.kind == "release":
+            self.release()
+        elif isinstance(value, TheoryChoice):
+            self.choose_theory(value.theory())
+        elif isinstance(value, tuple):
+            if each.kind == "grab":
+                self.grab(value[1])
+        elif isinstance(value, float | int):
+            action = {
+                "force": self.set_target_force,
+                "lift": self.move_hand,
+                "grasp": self.set_grasp,
+                "threshold": self.set_threshold,
+            }.get(each.kind)
+            if action is not None:
+                action(value)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the figures of `row`."""
+        return (
+            "force_N", "deflection_mm", "stress_MPa", "distance_to_break",
+            "hook_x_mm", "hook_y_mm", "hook_z_mm", "held", "torn",
+        )  # fmt: skip
+
+    def row(self) -> tuple[float, ...]:
+        """Return what the instruments show now."""
+        reading = self.reading()
+        check = reading.check
+        return (
+            reading.force,
+            reading.deflection,
+            check.total_stress,
+            check.distance_to_break,
+            *reading.hook,
+            int(reading.held),
+            int(self.torn),
+        )
+
     def _new_run(
         self,
         exercise: Exercise | None = None,
@@ -387,7 +476,9 @@ class Session:
             self.run.finish()
             if self.run.outcome is not None:
                 self._tries.append(self.run)
-        self.run = Run(task_threshold, exercise, feedback, inputs)
+        taker = MeasureTaker(task_threshold, exercise and exercise.band)
+        trial = None if exercise is None else trial_of(exercise, taker)
+        self._taker, self.run = taker, Run(taker, exercise, feedback, inputs, trial)
 
     def _new_chain(self) -> SwingingChain:
         beam = self.duct.grasped
@@ -412,8 +503,16 @@ class Session:
         if self.run.started or self.run.over:
             return
         duct = self.duct
-        start = StartingPoint(duct.dissection.preset, duct.theory, duct.grasp, duct.threshold)
-        self.run.start(start)
+        preset, theory = duct.dissection.preset, duct.theory
+        grasp, threshold = duct.grasp, duct.threshold
+        self.run.start(
+            lambda: RunStart(
+                preset.name if preset.ships else preset,
+                threshold,
+                theory=TheoryChoice.of(theory),
+                grasp_mm=grasp,
+            )
+        )
         duct.renew()
 
     def _follow(self, moved: bool, *, regrasped: bool) -> bool:
@@ -428,24 +527,25 @@ class Session:
             free = grasper.mode == "free"
             changed = self._chain.advance(Load("force", 0.0) if free else grasper.load)
         if regrasped:
-            self.run.regrasp()
+            self._taker.regrasp()
         if self.run.going:
-            self.run.take(
+            self._taker.take(
                 grasper.grip_force if tear is None else tear.event.force,
-                beam.pulled.deflection,
                 beam.hook(),
                 beam.check.distance_to_break,
-                came_from=duct.came_from,
                 held=grasper.holds,
-                torn=None if tear is None else tear.event,
+                deflection=beam.pulled.deflection,
+                came_from=duct.came_from,
             )
+            if tear is not None:
+                self._taker.tear(tear.event)
+            self.run.end_tick(torn=tear is not None)
         if tear is not None:
             self.drawn.show_pieces(tear.event.check)
         return changed
 
     def _file(self, run: Run) -> RunFile:
-        log = run.log(OrganIdentity.of(self._organ), self.seed)
-        return RunFile.of(log, run.measures(), run.outcome)
+        return run.file(OrganIdentity.of(self._organ), self.seed)
 
 
 def _within(value: float, ends: tuple[float, float]) -> float:

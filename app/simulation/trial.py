@@ -1,7 +1,6 @@
 """Trials: one attempt at an exercise, judged tick by tick."""
 
 from abc import ABC, abstractmethod
-from typing import Generic, NamedTuple, TypeVar
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import (
@@ -14,24 +13,10 @@ from app.simulation.exercise import (
 )
 from app.simulation.measures import MeasureTaker
 
-__all__ = ["Figures", "Trial", "trial_of"]
+__all__ = ["Trial", "trial_of"]
 
 
-class Figures(NamedTuple):
-    """The values that an exercise is judged by, at one tick."""
-
-    force: float  # N
-    deflection: float  # mm
-    distance_to_break: float  # 1 at rest, 0 at the break
-    taker: MeasureTaker  # the measures so far
-    held: bool
-    torn: bool  # in this tick
-
-
-FiguresT = TypeVar("FiguresT")
-
-
-class Trial(ABC, Generic[FiguresT]):
+class Trial(ABC):
     """One attempt at an exercise, judged tick by tick.
 
     `outcome` is None while it runs, `progress` goes from 0 to 1, and `standing` says in a few words
@@ -45,30 +30,30 @@ class Trial(ABC, Generic[FiguresT]):
         self.progress = 0.0
         self.standing = ""
 
-    def take(self, figures: FiguresT) -> None:
-        """Judge one tick."""
+    def take(self) -> None:
+        """Judge one tick whose measures are taken."""
         if self.outcome is not None:
             return
         self._ticks += 1
-        self.outcome = self.judge(figures)
+        self.outcome = self.judge()
         if self.outcome is None and self._ticks * TICK_SECONDS >= self._time_limit:
             self.outcome = Outcome(False, f"The {self._time_limit:g} s were over.")
 
     @abstractmethod
-    def judge(self, figures: FiguresT) -> Outcome | None:
+    def judge(self) -> Outcome | None:
         """Return the outcome if this tick ends the exercise, else None; set `progress`."""
         ...
 
 
-class _Hold(Trial[Figures]):
-    def __init__(self, exercise: HoldStretch) -> None:
+class _Hold(Trial):
+    def __init__(self, exercise: HoldStretch, taker: MeasureTaker) -> None:
         super().__init__(exercise.time_limit_s)
-        self._exercise = exercise
+        self._exercise, self._taker = exercise, taker
         self._stay = _Stay(exercise.seconds)
         self.standing = self._stay.standing
 
-    def judge(self, figures: Figures) -> Outcome | None:
-        wanted = self._exercise
+    def judge(self) -> Outcome | None:
+        wanted, figures = self._exercise, self._taker
         if figures.torn:
             return Outcome(False, f"The duct tore at {figures.force:.3g} N.")
         if figures.force > wanted.force_limit_N:
@@ -88,23 +73,23 @@ class _Hold(Trial[Figures]):
         return None
 
 
-class _Approach(Trial[Figures]):
-    def __init__(self, exercise: ApproachBreak) -> None:
+class _Approach(Trial):
+    def __init__(self, exercise: ApproachBreak, taker: MeasureTaker) -> None:
         super().__init__(exercise.time_limit_s)
-        self._exercise = exercise
+        self._exercise, self._taker = exercise, taker
         self._stay = _Stay(exercise.seconds)
         self._nearest = 1.0
         self.standing = self._stay.standing
 
-    def judge(self, figures: Figures) -> Outcome | None:
-        margin = self._exercise.margin
+    def judge(self) -> Outcome | None:
+        margin, figures = self._exercise.margin, self._taker
         if figures.torn:
             return Outcome(False, f"The duct tore at {figures.force:.3g} N.")
         self._nearest = min(self._nearest, figures.distance_to_break)
         done = self._stay.take(figures.held and figures.distance_to_break <= margin)
         # Half of the progress is for getting there, half for staying.
-        way = min(max((1.0 - self._nearest) / (1.0 - margin), 0.0), 1.0)
-        self.progress, self.standing = 0.5 * way + 0.5 * self._stay.part, self._stay.standing
+        approach = min(max((1.0 - self._nearest) / (1.0 - margin), 0.0), 1.0)
+        self.progress, self.standing = 0.5 * approach + 0.5 * self._stay.part, self._stay.standing
         if done:
             return Outcome(
                 True, f"Came within {100.0 * self._nearest:.1f} % of the break and stayed whole."
@@ -112,17 +97,17 @@ class _Approach(Trial[Figures]):
         return None
 
 
-class _Gentle(Trial[Figures]):
-    def __init__(self, exercise: GentleDissection) -> None:
+class _Gentle(Trial):
+    def __init__(self, exercise: GentleDissection, taker: MeasureTaker) -> None:
         super().__init__(exercise.time_limit_s)
-        self._exercise = exercise
+        self._exercise, self._taker = exercise, taker
         self._stay = _Stay(exercise.seconds)
         self._done = 0
         self._back = False  # whether this lift has stayed long enough and is to be led back
         self.standing = self._say()
 
-    def judge(self, figures: Figures) -> Outcome | None:
-        wanted, taker = self._exercise, figures.taker
+    def judge(self) -> Outcome | None:
+        wanted, figures = self._exercise, self._taker
         if figures.torn:
             return Outcome(False, f"The duct tore at {figures.force:.3g} N.")
         passed = _passed_limit(wanted, figures)
@@ -141,7 +126,7 @@ class _Gentle(Trial[Figures]):
         self.standing = self._say()
         if self._done < wanted.lifts:
             return None
-        mean = taker.mean_absolute_nonzero_force
+        mean = figures.mean_absolute_nonzero_force
         if mean > wanted.mean_force_limit_N:
             return Outcome(
                 False,
@@ -149,7 +134,7 @@ class _Gentle(Trial[Figures]):
             )
         return Outcome(
             True,
-            f"Lifted {wanted.lifts} times and led back with at most {taker.maximum_force:.3g} N.",
+            f"Lifted {wanted.lifts} times and led back with at most {figures.maximum_force:.3g} N.",
         )
 
     def _say(self) -> str:
@@ -160,7 +145,7 @@ class _Gentle(Trial[Figures]):
         return f"Lift {self._done + 1} of {wanted.lifts}: {what}"
 
 
-def _passed_limit(wanted: GentleDissection, figures: Figures) -> str | None:
+def _passed_limit(wanted: GentleDissection, figures: MeasureTaker) -> str | None:
     """Return which limit of a gentle dissection has been passed, or None."""
     if figures.force > wanted.force_limit_N:
         return f"The force reached {figures.force:.3g} N, past {wanted.force_limit_N:.3g} N."
@@ -169,13 +154,13 @@ def _passed_limit(wanted: GentleDissection, figures: Figures) -> str | None:
             f"The distance to break fell to {100.0 * figures.distance_to_break:.0f} %, below "
             f"{100.0 * wanted.reserve_limit:.0f} %."
         )
-    overshoot = figures.taker.overshoot or 0.0
+    overshoot = figures.overshoot or 0.0
     if overshoot > wanted.overshoot_limit:
         return (
             f"It went {100.0 * overshoot:.0f} % past the goal, more than "
             f"{100.0 * wanted.overshoot_limit:.0f} %."
         )
-    rate = figures.taker.maximum_loading_rate
+    rate = figures.maximum_loading_rate
     if rate > wanted.loading_rate_limit_N_per_s:
         return (
             f"It was loaded by {rate:.3g} N/s, faster than "
@@ -184,13 +169,14 @@ def _passed_limit(wanted: GentleDissection, figures: Figures) -> str | None:
     return None
 
 
-class _Impulse(Trial[Figures]):
-    def __init__(self, exercise: LeastImpulse) -> None:
+class _Impulse(Trial):
+    def __init__(self, exercise: LeastImpulse, taker: MeasureTaker) -> None:
         super().__init__(exercise.time_limit_s)
-        self._exercise = exercise
+        self._exercise, self._taker = exercise, taker
 
-    def judge(self, figures: Figures) -> Outcome | None:
-        spent, limit = figures.taker.force_time_product, self._exercise.product_limit_N_s
+    def judge(self) -> Outcome | None:
+        figures = self._taker
+        spent, limit = figures.force_time_product, self._exercise.product_limit_N_s
         self.progress = 1.0 if figures.torn else min(max(1.0 - figures.distance_to_break, 0.0), 1.0)
         if spent > limit:
             return Outcome(False, f"More than {limit:.3g} N s was spent.")
@@ -221,12 +207,14 @@ class _Stay:
         return self._ticks >= self._wanted
 
 
-def trial_of(exercise: Exercise) -> Trial[Figures]:
-    """Return a new attempt at an exercise."""
+def trial_of(exercise: Exercise, taker: MeasureTaker) -> Trial:
+    """Return a new attempt at an exercise of a free duct."""
     if isinstance(exercise, HoldStretch):
-        return _Hold(exercise)
+        return _Hold(exercise, taker)
     if isinstance(exercise, ApproachBreak):
-        return _Approach(exercise)
+        return _Approach(exercise, taker)
     if isinstance(exercise, GentleDissection):
-        return _Gentle(exercise)
-    return _Impulse(exercise)
+        return _Gentle(exercise, taker)
+    if isinstance(exercise, LeastImpulse):
+        return _Impulse(exercise, taker)
+    raise ValueError(f"{exercise.title} is done in a bed")

@@ -27,7 +27,7 @@ def dissection() -> tuple[bytes, str]:
     session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 0.0, 4.0]))
     session.advance(20)
     file = session.run_file()
-    return run_json(file), msgspec.json.encode(file.measures).decode()
+    return run_json(file), msgspec.json.encode(file.metrics).decode()
 
 
 def record(

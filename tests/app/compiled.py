@@ -7,8 +7,8 @@ import viser
 from numba.core.dispatcher import Dispatcher
 from simulated import phantom, settle, tear
 
-from app.simulation import Session
-from app.simulation.bed import INSTRUMENTS, BedSession
+from app.simulation import INSTRUMENTS, Session
+from app.simulation.bed import BedSession
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.appearance import appearance_of

@@ -84,7 +84,7 @@ def torn(session: BedSession) -> None:
 def followed(session: BedSession) -> None:
     """The end of a divided duct, lifted at the front."""
     session.choose_bed("firm")
-    exercise = next(e for e in session.exercises_offered() if e.name == "follow-front")
+    exercise = next(e for e in session.exercises_offered() if e.name == "follow_front")
     session.start_exercise(exercise)
     for _ in zip(range(240), script(session, session.duct, exercise, BedManner()), strict=False):
         session.advance()

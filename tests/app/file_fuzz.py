@@ -23,9 +23,7 @@ from program import run
 from app.classroom import exercise_file
 from app.classroom.exercise_file import GOALS, read_exercise, template
 from app.command_line.load import shipped_organ
-from app.simulation import preset, run_log
-from app.simulation.bed import read_any_run
-from app.simulation.bed import run_log as bed_run_log
+from app.simulation import older_runs, preset, read_run, run_file
 from app.simulation.preset import preset_toml, presets, read_preset
 from organ_geometry import read_image_stack
 from organ_geometry.images import image_files, spacing_file, stack_reader
@@ -36,7 +34,7 @@ __all__ = ["KINDS", "organ_of"]
 SECONDS, MEGABYTES = 5.0, 1024
 LONGEST = 4096  # bytes of a mutated file
 LED_BY = (
-    organ_file, organ_code, symbol_coder, preset, run_log, bed_run_log, image_files,
+    organ_file, organ_code, symbol_coder, preset, run_file, older_runs, image_files,
     spacing_file, stack_reader, exercise_file,
 )  # fmt: skip
 """Modules whose lines lead the mutations; compiled code cannot."""
@@ -55,7 +53,7 @@ def use_organ(content: bytes, folder: Path) -> None:
 
 def use_run(content: bytes, folder: Path) -> None:
     """Read a run, and make it again if it is short."""
-    if read_any_run(content).log.ticks <= REPLAYED:
+    if read_run(content).log.ticks <= REPLAYED:
         path = folder / "mutated.json"
         path.write_bytes(content)
         _done("replay", path)

@@ -53,7 +53,7 @@ def take_result(trainer: Trainer, browser: Browser, folder: Path) -> None:
         state = newest_dissection(trainer).state
         session = state.session
         state.start_exercise(session.exercises_offered()[0], Feedback.CONTINUOUS)
-        exercise = session.run.exercise
+        exercise = session.exercise
         assert exercise is not None
         for _ in script(session, session.duct, exercise, MANNERS[exercise.name]["good"]):
             session.advance()

@@ -15,7 +15,7 @@ def phantom() -> Organ:
 
 def replayed(run: RunFile, organ: Organ) -> RunFile:
     """Return a run as it comes out when it is made again."""
-    return Replay(run.log, organ, vertices=300).run_file()
+    return Replay(Session, run.log, organ, vertices=300).run_file()
 
 
 def settle(session: Session, *, most_seconds: float = 30.0) -> None:

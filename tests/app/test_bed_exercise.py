@@ -4,27 +4,17 @@ import msgspec
 import pytest
 from simulated import phantom
 
-from app.simulation import preset_named, run_json
-from app.simulation.bed import (
-    MANNERS,
-    BedExercise,
-    BedManner,
-    BedSession,
-    DissectionFile,
-    DissectionReplay,
-    bed_named,
-    read_any_run,
-    script,
-)
+from app.simulation import BedExercise, Replay, preset_named, read_run, run_json
+from app.simulation.bed import MANNERS, BedManner, BedSession, bed_named, script
 
 WHY = {
     ("window", "hasty"): "the duct was lifted, which the dissector behind it does not need",
     ("window", "clumsy"): "the duct was lifted, which the dissector behind it does not need",
-    ("follow-front", "hasty"): "the pull was too fast",
-    ("follow-front", "clumsy"): "mm behind the front",
-    ("follow-front", "sideways"): "the pull was sideways",
-    ("free-scar", "hasty"): "the duct was not held up",
-    ("free-scar", "clumsy"): "the duct was held up higher than the jaws need",
+    ("follow_front", "hasty"): "the pull was too fast",
+    ("follow_front", "clumsy"): "mm behind the front",
+    ("follow_front", "sideways"): "the pull was sideways",
+    ("free_scar", "hasty"): "the duct was not held up",
+    ("free_scar", "clumsy"): "the duct was held up higher than the jaws need",
 }
 
 
@@ -40,7 +30,7 @@ def offered(session: BedSession) -> dict[str, BedExercise]:
 
 def do(session: BedSession, manner: BedManner) -> None:
     """Do the exercise that was started with scripted hands."""
-    exercise = session.run.exercise
+    exercise = session.exercise
     assert exercise is not None
     for _ in script(session, session.duct, exercise, manner):
         session.advance()
@@ -70,7 +60,7 @@ def test_good_hands_pass_and_others_are_told_why_they_fail(bed: str, seed: int) 
 
 
 def test_a_window_is_one_opening() -> None:
-    window, front = (offered(session_in("firm", 1))[name] for name in ("window", "follow-front"))
+    window, front = (offered(session_in("firm", 1))[name] for name in ("window", "follow_front"))
     assert "in one stretch" in window.goal
     two = [(5.0, 13.0), (30.0, 39.0)]
     assert window.freed(two) == pytest.approx(9.0)
@@ -84,15 +74,14 @@ def test_a_window_is_one_opening() -> None:
 
 def test_an_exercise_made_again_ends_with_the_same_words() -> None:
     session = session_in("firm", 3)
-    exercise = offered(session)["follow-front"]
+    exercise = offered(session)["follow_front"]
     session.start_exercise(exercise)
     session.choose_instrument(0, "dissector")
     assert not session.run.started, "the exercise is for hooks and graspers"
-    do(session, MANNERS["follow-front"]["clumsy"])
+    do(session, MANNERS["follow_front"]["clumsy"])
     content = run_json(session.run_file())
-    read = read_any_run(content)
-    assert isinstance(read, DissectionFile)
-    again = DissectionReplay(read.log, phantom(), vertices=300)
+    read = read_run(content)
+    again = Replay(BedSession, read.log, phantom(), vertices=300)
     assert run_json(again.run_file()) == content
     session.reset()
     assert session.run.exercise is None
@@ -103,14 +92,14 @@ def test_limits_follow_the_bed_and_not_its_seed() -> None:
     loose, firm, again = (
         offered(session_in(*each)) for each in (("loose", 1), ("firm", 1), ("firm", 9))
     )
-    assert loose["window"].share_limit < firm["window"].share_limit
-    for name in ("window", "follow-front"):
+    assert loose["window"].stress_ratio_limit < firm["window"].stress_ratio_limit
+    for name in ("window", "follow_front"):
         assert firm[name].limits == again[name].limits
-    assert loose["free-scar"].bed == "scar"
+    assert loose["free_scar"].bed == "scar"
     # Tougher than the duct: no hook frees it, so none is asked to.
     tough = msgspec.structs.replace(bed_named("inflamed"), name="own", toughness_J_m2=200.0)
     session = BedSession(phantom(), bed=tough, vertices=300)
-    assert "follow-front" not in offered(session)
+    assert "follow_front" not in offered(session)
 
 
 @pytest.mark.parametrize("preset", ["porcine-bile-duct", "thesis-rubber"])
@@ -131,7 +120,7 @@ def test_another_duct_has_exercises_of_its_own(preset: str) -> None:
     [
         ({"from_mm": 40.0}, "must rise"),
         ({"free_mm": 60.0}, "free_mm must be above 0"),
-        ({"share_limit": 1.5}, "share_limit must be above 0 and below 1"),
+        ({"stress_ratio_limit": 1.5}, "stress_ratio_limit must be above 0 and below 1"),
         ({"time_to_break_limit_s": -1.0}, "time_to_break_limit_s must be 0 or more"),
         ({"instrument_force_limit_N": 0.0}, "instrument_force_limit_N must be above 0"),
         ({"out_of_sight_limit": -1}, "out_of_sight_limit must be 0 or more"),
@@ -148,7 +137,7 @@ def test_an_exercise_that_makes_no_sense_is_refused(changed: dict[str, object], 
         from_mm=10.0,
         to_mm=40.0,
         instruments=("hook",),
-        share_limit=0.2,
+        stress_ratio_limit=0.2,
         time_to_break_limit_s=0.25,
         out_of_sight_limit=5,
     )

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser
 from simulated import phantom
 
-from app.simulation import preset_named
-from app.simulation.bed import BedExercise, BedSession, Instrument
+from app.simulation import BedExercise, Instrument, preset_named
+from app.simulation.bed import BedSession
 from app.trainer.scene.bed_scene import BedScene
 from app.trainer.scene.goal_band import GoalStretch
 from app.trainer.stage.strands import NUMBERS, PARTED
@@ -171,8 +171,8 @@ def test_the_stretch_that_an_exercise_is_about_is_marked(
 ) -> None:
     drawn = BedScene(client, session, "plain")
     scar = BedExercise(
-        name="free-scar", bed="scar", bed_seed=1, free_mm=9.0, from_mm=20.0, to_mm=31.0,
-        instruments=("hook", "dissector"), share_limit=0.9, time_to_break_limit_s=0.0,
+        name="free_scar", bed="scar", bed_seed=1, free_mm=9.0, from_mm=20.0, to_mm=31.0,
+        instruments=("hook", "dissector"), stress_ratio_limit=0.9, time_to_break_limit_s=0.0,
         out_of_sight_limit=100,
     )  # fmt: skip
     drawn.draw(session.reading())
@@ -303,7 +303,7 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
 def test_a_divided_duct_is_drawn_without_its_second_clamp(
     client: viser.ClientHandle, session: BedSession
 ) -> None:
-    front = next(each for each in session.exercises_offered() if each.name == "follow-front")
+    front = next(each for each in session.exercises_offered() if each.name == "follow_front")
     scene = BedScene(client, session, "full")
     stubs: list[list[int]] = []
     for exercise in (None, front):

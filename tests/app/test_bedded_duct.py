@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from app.simulation.bed import BedSession, DissectionReplay
+from app.simulation import Replay
+from app.simulation.bed import BedSession
 from assets import BILE_DUCT
 from organ_geometry import read_organ
 
@@ -61,7 +62,7 @@ def test_only_a_dissector_opens(session: BedSession) -> None:
     assert session.duct.hands[0].opening == session.duct.hands[0].target_opening == 0.0
     log = session.run_file().log
     assert {each.kind for each in log.inputs} == {"grab", "move"}
-    assert session.measures().strands_parted_out_of_sight > 0
+    assert session.measures().strands_broken_out_of_sight > 0
 
 
 def test_a_run_begins_with_the_hands_where_they_are(session: BedSession) -> None:
@@ -78,9 +79,10 @@ def test_a_run_begins_with_the_hands_where_they_are(session: BedSession) -> None
     lift(session, 3.0)
     assert session.duct.hands[1].place.tolist() == [34.0, 5.0, 20.0]
     run = session.run_file()
-    replay = DissectionReplay(run.log, read_organ(BILE_DUCT))
-    assert replay.series().places[0, 1].tolist() != [34.0, 5.0, 20.0]
+    replay = Replay(BedSession, run.log, read_organ(BILE_DUCT))
+    assert replay.series()["hand_2_x_mm"][0] != 34.0
     assert replay.run_file() == run
+    replay.seek_tick(run.log.ticks)
     places = replay.session.duct.beam.places
     assert places.tobytes() == session.duct.beam.places.tobytes()
 

@@ -35,7 +35,7 @@ from app.classroom.recorder import Recorder
 from app.classroom.report import report_page, results_html
 from app.classroom.results import results, results_csv, results_json, shown_names, standing
 from app.classroom.store import ClassFileError, ClassFullError, ClassStore, class_path
-from app.simulation.bed import BedExercise, read_any_run
+from app.simulation import BedExercise, read_run
 
 KILLS = 5
 HOSTILE = "<img src=x onerror=alert(1)>&\"'"
@@ -69,7 +69,7 @@ def test_a_class_is_found_again_as_it_was_left(store: ClassStore) -> None:
     whole = again.run(kept.id)
     assert whole is not None
     assert whole.file == dissection()[0]
-    assert read_any_run(whole.file).log.ticks == 20
+    assert read_run(whole.file).log.ticks == 20
     again.close()
 
 
@@ -225,7 +225,7 @@ def test_cells_are_no_formulas_and_names_no_markup(store: ClassStore) -> None:
         assert "&lt;img src=x onerror=alert(1)&gt;&amp;&quot;&#x27;" in page
     whole = json.loads(results_json(store))
     assert [each["name"] for each in whole["runs"]] == names
-    assert read_any_run(json.dumps(whole["runs"][0]["run"]).encode())
+    assert read_run(json.dumps(whole["runs"][0]["run"]).encode())
 
 
 def test_each_sees_where_they_stand_and_no_names(store: ClassStore) -> None:

@@ -430,7 +430,7 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         kept = view.state.last_run
         assert kept is not None
         row = page.locator("[data-measure=freed_mm]")
-        assert float(row.get_attribute("data-value") or "nan") == kept.measures.freed_mm
+        assert float(row.get_attribute("data-value") or "nan") == kept.metrics["freed_mm"]
         # The script's own hands are the expert's: every figure beside is the same.
         expect(page.get_by_test_id("measures")).to_contain_text("expert")
         tried, expert = row.locator("td").all_inner_texts()[1:3]
@@ -443,16 +443,16 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
 
         tab.wait_until(lambda: len(charts()) == 3)
         distance, forces, freed = charts()
-        assert freed[1][-1] == kept.measures.freed_mm
+        assert freed[1][-1] == kept.metrics["freed_mm"]
         assert [len(rows) for rows in (distance, forces)] == [5, 6]
-        assert forces[0][-1] == pytest.approx(kept.measures.time_s)
-        assert distance[-1][0] == pytest.approx(100.0 * (1.0 - exercise.share_limit))
+        assert forces[0][-1] == pytest.approx(kept.metrics["time_s"])
+        assert distance[-1][0] == pytest.approx(100.0 * (1.0 - exercise.stress_ratio_limit))
         tab.press("Watch it again")
         tab.wait_until(lambda: tab.slider("Time (s)") > 1.0)  # its end is known, too
         playback(view).pause()  # while it plays the field is written thirty times a second
         tab.wait_until(lambda: tab.slider("Time (s)") == round(playback(view).time, 2))
         tab.slide("Time (s)", 1e4)
-        tab.wait_until(lambda: tab.figure("parted") == kept.measures.strands_parted)
+        tab.wait_until(lambda: tab.figure("parted") == kept.metrics["strands_broken"])
         expect(tab.readout).to_contain_text("Replay")
         tab.press("Leave the replay")
         tab.wait_until(lambda: view.state.playback is None)

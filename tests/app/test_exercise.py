@@ -26,9 +26,9 @@ from app.simulation import (
 from app.simulation.exercise import LeastImpulse, feedback_visible
 from app.simulation.measures import MeasureTaker
 from app.simulation.scripted_hand import CLUMSY, HASTY, Manner
-from app.simulation.trial import Figures, Trial, trial_of
+from app.simulation.trial import Trial, trial_of
 from organ_geometry.organ import Organ
-from physics import Exact, TautString, Theory
+from physics import BreakEvent, Exact, RuptureCheck, TautString, Theory
 
 HOLD = HoldStretch(deflection_mm=5.0, tolerance_mm=0.5, seconds=0.2, force_limit_N=1.0)
 APPROACH = ApproachBreak(margin=0.2, seconds=0.1)
@@ -46,6 +46,9 @@ GENTLE = GentleDissection(
 )
 
 
+TEAR = BreakEvent(0.5, 5.0, RuptureCheck(25.4, 1, 0.1, 0.2, 0.3))
+
+
 class Tick(NamedTuple):
     """One tick of a made-up run."""
 
@@ -61,7 +64,8 @@ UP, DOWN = [Tick(0.1, 1.0), Tick(0.3, 3.0), *[Tick()] * 3], [Tick(0.3, 3.0), Tic
 
 def taken(exercise: Exercise, *series: Tick) -> Trial:
     """An exercise's trial after a made-up run, with the measures that it has."""
-    trial, taker = trial_of(exercise), MeasureTaker(1.0, exercise.band)
+    taker = MeasureTaker(1.0, exercise.band)
+    trial = trial_of(exercise, taker)
     for each in series:
         taker.take(
             each.force,
@@ -70,7 +74,9 @@ def taken(exercise: Exercise, *series: Tick) -> Trial:
             held=each.held,
             deflection=each.deflection,
         )
-        trial.take(Figures(each.force, each.deflection, each.distance, taker, each.held, each.torn))
+        if each.torn:
+            taker.tear(TEAR)
+        trial.take()
     return trial
 
 
@@ -310,7 +316,7 @@ def test_scripted_hands_do_the_same_each_time_and_nothing_else_than_exercises() 
         do_exercise(session, CLUMSY)
         found.append(session.run_file())
     assert found[0] == found[1]
-    assert "let-go" not in {each.kind for each in found[0].log.inputs}  # it failed before
+    assert "release" not in {each.kind for each in found[0].log.inputs}  # it failed before
     with pytest.raises(ValueError, match="band of deflections"):
         do_exercise(session_on(DUCTS[0]), CAREFUL)
 
@@ -341,7 +347,7 @@ def test_nothing_but_the_hand_counts_in_an_exercise() -> None:
         session.set_grasp(12.0)
         session.advance(30)
         assert session.reading() == held
-        assert {each.kind for each in session.run_file().log.inputs} == {"grab", "hand"}
+        assert {each.kind for each in session.run_file().log.inputs} == {"grab", "lift"}
         assert session.run_file().log.exercise_inputs == "hand"
         session.reset()
     session.set_target_force(1.0)  # a free pull takes it again

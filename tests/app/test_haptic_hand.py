@@ -30,7 +30,7 @@ from app.haptics.servo_process import (
 )
 from app.haptics.virtual_device import VirtualDevice
 from app.simulation import TICK_SECONDS, Phase, Replay, Session
-from app.simulation.bed import BedSession, DissectionReplay
+from app.simulation.bed import BedSession
 from app.trainer.client.client_state import Workers
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
@@ -114,7 +114,7 @@ def test_the_hand_leads_the_session_and_the_run_is_made_again(
     assert not page.session.reading().held
     page.session.finish()
     file = page.session.run_file()
-    assert Replay(file.log, phantom(), vertices=300).run_file().measures == file.measures
+    assert Replay(Session, file.log, phantom(), vertices=300).run_file().metrics == file.metrics
 
 
 def test_a_tear_to_the_hand_is_one_in_the_session_and_a_new_duct_is_felt_anew(
@@ -269,8 +269,8 @@ def test_a_device_frees_a_duct_from_its_bed_and_the_run_is_made_again() -> None:
     assert cast(Any, servo.loop.model).parted == session.reading().parted
     session.finish()
     file = session.run_file()
-    again = DissectionReplay(file.log, phantom(), vertices=300)
-    assert again.run_file().measures == file.measures
+    again = Replay(BedSession, file.log, phantom(), vertices=300)
+    assert again.run_file().metrics == file.metrics
 
 
 def test_the_mouse_helps_with_the_other_hand_and_the_device_feels_it() -> None:

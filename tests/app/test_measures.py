@@ -139,8 +139,8 @@ def test_the_rates_of_a_series_are_those_that_are_measured() -> None:
             session.advance(4)
             session.grab(25.4)
     run = session.run_file()
-    rates = loading_rates(Replay(run.log, phantom(), vertices=300).series())
-    assert rates.max() == pytest.approx(run.measures.maximum_loading_rate_N_per_s, rel=1e-12)
+    rates = loading_rates(Replay(Session, run.log, phantom(), vertices=300).series())
+    assert rates.max() == pytest.approx(run.metrics["maximum_loading_rate_N_per_s"], rel=1e-12)
 
 
 def test_an_overshoot_is_the_way_past_the_band_by_its_middle() -> None:

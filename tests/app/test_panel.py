@@ -12,7 +12,7 @@ from simulated import phantom
 from app.simulation.bed import BedSession
 from app.trainer.panel.dissect_plot import IDLE_SECONDS, SECONDS, DissectPlot
 from app.trainer.panel.exercise_tab import AWAITED, NONE, ExerciseTab
-from app.trainer.panel.measures_table import dissection_html
+from app.trainer.panel.measures_table import measures_html
 
 
 @pytest.fixture
@@ -77,6 +77,6 @@ def test_a_limit_of_what_is_counted_is_told_as_a_count() -> None:
     session.grab(0, 25.4)
     stand(session, 0.1)
     session.finish()
-    measures: Any = session.run_file().measures
-    table = dissection_html(measures, {}, {"strands_parted_out_of_sight": 15.0})
+    measures: Any = session.run_file().metrics
+    table = measures_html(measures, {}, {"strands_broken_out_of_sight": 15.0})
     assert "'>15</td>" in table

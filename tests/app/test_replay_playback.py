@@ -35,7 +35,10 @@ def test_the_last_moment_asked_for_by_any_thread_is_seen(
     monkeypatch: pytest.MonkeyPatch, quick: bool
 ) -> None:
     monkeypatch.setattr(replay_playback, "SEEK_SECONDS", 60.0 if quick else 0.0)
-    playback, again = ReplayPlayback(Replay(a_run().log, phantom())), Replay(a_run().log, phantom())
+    playback, again = (
+        ReplayPlayback(Replay(Session, a_run().log, phantom())),
+        Replay(Session, a_run().log, phantom()),
+    )
     assert playback.tick(0)  # its first picture
     assert not playback.tick(0)
     for ticks in (80, 35, 90):
@@ -55,7 +58,7 @@ def test_the_last_moment_asked_for_by_any_thread_is_seen(
 
 
 def test_it_plays_to_its_end_and_from_its_start_again() -> None:
-    playback = ReplayPlayback(Replay(a_run().log, phantom()))
+    playback = ReplayPlayback(Replay(Session, a_run().log, phantom()))
     playback.tick(0)  # its first picture
     playback.seek(1e9)
     playback.play()

@@ -29,7 +29,9 @@ def run(*, torn: bool = True) -> RecordedRun:
         session.set_target_force(session.duct.force_limit)
         while not session.run.over:
             session.advance()
-    return RecordedRun.of(Replay(session.run_file().log, phantom(), vertices=300), frames=2000)
+    return RecordedRun.of(
+        Replay(Session, session.run_file().log, phantom(), vertices=300), frames=2000
+    )
 
 
 def test_page_plays_a_run_and_its_tear(tmp_path: Path) -> None:

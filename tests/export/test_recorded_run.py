@@ -25,7 +25,7 @@ from app.simulation import (
     Session,
     run_json,
 )
-from app.simulation.bed import BedSession, DissectionFile, DissectionReplay, bed_named
+from app.simulation.bed import BedSession, bed_named
 from app.simulation.drawn_duct import DrawnDuct
 from organ_geometry.mesh import organ_skin
 from physics import Exact
@@ -59,9 +59,9 @@ def recorded(*, torn: bool) -> RunFile:
 
 
 @cache
-def again(*, torn: bool) -> Replay:
+def again(*, torn: bool) -> Replay[Session]:
     """The run in a session of its own."""
-    return Replay(recorded(torn=torn).log, phantom(), vertices=VERTICES)
+    return Replay(Session, recorded(torn=torn).log, phantom(), vertices=VERTICES)
 
 
 @cache
@@ -105,9 +105,9 @@ def test_a_run_of_every_tick_comes_apart_where_it_tore() -> None:
     assert motion.fronts[[last, last + 1, -1]].tolist() == [WHOLE, 0.0, 2.0]
     assert not motion.transforms[0].any()  # rest, to the bit
     assert not motion.transforms[-1].any()
-    tear = recorded(torn=True).measures.tear
+    tear = recorded(torn=True).metrics["tear"]
     assert tear is not None
-    assert run.motion.readings[last].force == tear.force_N
+    assert run.motion.readings[last].force == tear["force_N"]
     assert [reading.phase is Phase.INTACT for reading in run.motion.readings[: last + 1]] == [
         *([True] * last),
         False,
@@ -151,7 +151,7 @@ def test_a_run_of_no_ticks_is_refused() -> None:
     session = Session(phantom(), vertices=300)
     session.set_target_force(1.0)
     with pytest.raises(ValueError, match="no ticks has nothing to play"):
-        RecordedRun.of(Replay(session.run_file().log, phantom(), vertices=300), frames=10)
+        RecordedRun.of(Replay(Session, session.run_file().log, phantom(), vertices=300), frames=10)
 
 
 def test_the_command_writes_what_other_programs_read(
@@ -192,7 +192,7 @@ def test_the_command_refuses_in_one_line_and_leaves_nothing(tmp_path: Path) -> N
 
 
 @cache
-def freed() -> DissectionFile:
+def freed() -> RunFile:
     """A dissection with a hook and a grasper."""
     session = BedSession(phantom(), vertices=300, seed=SEED)
     start = session.grab(0, 22.0)
@@ -214,7 +214,7 @@ def test_a_dissection_is_played_as_it_was_drawn(tmp_path: Path) -> None:
     (report,) = validated(path)
     assert report["issues"]["messages"] == []
     gltf = Gltf(path.read_bytes())
-    shown = DissectionReplay(freed().log, phantom(), vertices=300)
+    shown = Replay(BedSession, freed().log, phantom(), vertices=300)
     skin = organ_skin(phantom(), edge_length=1.2)
     for tick in (0, 12, 30, 45):
         shown.seek_tick(tick)
@@ -241,7 +241,7 @@ def test_a_dissection_that_tears_is_played_until_both_pieces_hang() -> None:
         session.move_hand(0, start + np.array([0.0, 0.0, 0.5 * tick]))
         session.advance()
     assert session.duct.torn is not None
-    again = DissectionReplay(session.run_file().log, phantom(), vertices=300)
+    again = Replay(BedSession, session.run_file().log, phantom(), vertices=300)
     run = RecordedRun.of_dissection(again, frames=200)
     motion, whole = run.motion, run.motion.whole
     assert run.torn

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.bed.bedded_surface import BeddedSurface
-from app.simulation.bed.hand import HOLDING, Hand, Instrument
+from app.simulation.bed.hand import Hand
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.inputs import HOLDING, Instrument
+from app.simulation.run_file import ELEMENTS, HANDS, SUBSTEPS
 from app.simulation.specimen import Specimen
 from kernel_cache import njit
 from physics import RuptureCheck
@@ -27,11 +29,7 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-ELEMENTS = 40
-"""Of the beam: 0.1 % on the force and 0.3 % on the highest stress (docs/theory.md)."""
-SUBSTEPS = 8
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
-HANDS = len(FIRST_INSTRUMENTS)
 # Of the span, where the hands' empty instruments wait: the second one out of the first's way.
 PARKED_AT = (0.5, 0.2)
 JAW_RADIUS, SWAB_RADIUS = 1.2, 3.0

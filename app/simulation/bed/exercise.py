@@ -1,31 +1,17 @@
-"""Exercises in a bed: what is to be freed, within which limits, and what to say of a failed try.
-
-Where the limits come from is in `app.simulation.bed.exercise_limits`.
-"""
+"""One attempt at an exercise in a bed, and why it failed."""
 
 import math
 from collections import deque
-from typing import Literal
 
-import msgspec
 import numpy as np
 
 from app.simulation.bed.bedded_duct import HANDS, BeddedDuct
-from app.simulation.bed.hand import Instrument
 from app.simulation.bed.measures import LEAST_FORCE, DissectionMeasureTaker
-from app.simulation.bed_preset import BedPreset
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import LONGEST_SECONDS, Outcome
+from app.simulation.exercise import BedExercise, Outcome
 from app.simulation.trial import Trial
 
-__all__ = ["TITLES", "BedExercise", "BedExerciseName", "BedTrial"]
-
-BedExerciseName = Literal["window", "follow-front", "free-scar"]
-TITLES: dict[BedExerciseName, str] = {
-    "window": "Open a window",
-    "follow-front": "Follow the front",
-    "free-scar": "Free a scar with two hands",
-}
+__all__ = ["BedTrial"]
 
 # A pull within all three is not what a failed try is put down to: its angle to the bed's normal,
 # its distance behind the front and its speed.
@@ -34,109 +20,7 @@ STEEP_DEG, NEAR_MM, SLOW_MM_PER_S = 20.0, 2.0, 15.0
 SPEED_TICKS = 6
 
 
-class BedExercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Free a stretch of duct within limits of what its wall and the tissue behind it bear."""
-
-    name: BedExerciseName
-    bed: str | BedPreset
-    bed_seed: int
-    free_mm: float  # length that is to be free between `from_mm` and `to_mm`
-    from_mm: float  # from the first clamp
-    to_mm: float
-    instruments: tuple[Instrument, ...]
-    share_limit: float  # of the wall's stress over its threshold
-    time_to_break_limit_s: float  # at the pace at which that share grows
-    out_of_sight_limit: int  # strands
-    instrument_force_limit_N: float | None = None  # on jaws or a swab  # noqa: N815
-    opened_mm: tuple[float, float] | None = None  # free at the start
-    divided: bool = False  # the duct ends at its second clamp, which is gone
-    time_limit_s: float = 120.0
-    one_stretch: bool = False  # whether `free_mm` are of one free stretch, or of all
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.from_mm < self.to_mm < math.inf:
-            raise ValueError(f"from_mm and to_mm must rise, got {self.from_mm} and {self.to_mm}")
-        if not 0.0 < self.free_mm <= self.to_mm - self.from_mm:
-            raise ValueError(f"free_mm must be above 0 and within to_mm, got {self.free_mm}")
-        if not 0.0 < self.share_limit < 1.0:
-            raise ValueError(f"share_limit must be above 0 and below 1, got {self.share_limit}")
-        if not 0.0 <= self.time_to_break_limit_s < math.inf:
-            raise ValueError(
-                f"time_to_break_limit_s must be 0 or more, got {self.time_to_break_limit_s}"
-            )
-        force = self.instrument_force_limit_N
-        if force is not None and not 0.0 < force < math.inf:
-            raise ValueError(f"instrument_force_limit_N must be above 0 and finite, got {force}")
-        if self.opened_mm is not None and not (
-            0.0 <= self.opened_mm[0] < self.opened_mm[1] < math.inf
-        ):
-            raise ValueError(f"opened_mm must rise, got {self.opened_mm}")
-        if self.out_of_sight_limit < 0:
-            raise ValueError(f"out_of_sight_limit must be 0 or more, got {self.out_of_sight_limit}")
-        if not 0.0 < self.time_limit_s <= LONGEST_SECONDS:
-            raise ValueError(
-                f"time_limit_s must be above 0 and at most {LONGEST_SECONDS:g} s, "
-                f"got {self.time_limit_s}"
-            )
-
-    @property
-    def title(self) -> str:
-        """Its title."""
-        return TITLES[self.name]
-
-    @property
-    def goal(self) -> str:
-        """What to do, in one sentence."""
-        if self.name == "window":
-            return (
-                f"Pass the dissector behind the duct and open it until {self.free_mm:.0f} mm "
-                + ("are free in one stretch." if self.one_stretch else "are free.")
-            )
-        if self.name == "follow-front":
-            return (
-                f"The duct is divided and its end is free: from there, free {self.free_mm:.0f} mm "
-                f"more with the hook: take hold at the front, lift, let go, take hold again."
-            )
-        return (
-            f"Hold the duct up with one hand and open the dissector behind it with the other until "
-            f"the scar's {self.free_mm:.0f} mm are free."
-        )
-
-    @property
-    def limit(self) -> str:
-        """What not to do, in one sentence."""
-        force = self.instrument_force_limit_N
-        return (
-            f"Never load the wall past {100.0 * self.share_limit:.0f} % of its break, nor so fast "
-            f"that it would break within {self.time_to_break_limit_s:g} s"
-            + (f", nor push the instrument with more than {force:.2g} N" if force else "")
-            + f"; tear no more than {self.out_of_sight_limit} strands out of sight."
-        )
-
-    @property
-    def limits(self) -> dict[str, float]:
-        """Limits that fail the exercise, by the measure's name."""
-        found = {
-            "peak_stress_share": self.share_limit,
-            "shortest_time_to_break_s": self.time_to_break_limit_s,
-            "strands_parted_out_of_sight": float(self.out_of_sight_limit),
-        }
-        if self.instrument_force_limit_N is not None:
-            found["maximum_instrument_force_N"] = self.instrument_force_limit_N
-        return found
-
-    def freed(self, stretches: list[tuple[float, float]]) -> float:
-        """Return the length that is free within the goal's ends, mm: of all stretches or of one."""
-        inside = [min(b, self.to_mm) - max(a, self.from_mm) for a, b in stretches]
-        return (max if self.one_stretch else sum)([0.0, *(each for each in inside if each > 0.0)])
-
-    def standing(self, freed: float) -> str:
-        """Return how much of what is asked for is free, in words."""
-        where = " in one stretch" if self.one_stretch else ""
-        return f"{freed:.0f} of {self.free_mm:.0f} mm free{where}"
-
-
-class BedTrial(Trial[BeddedDuct]):
+class BedTrial(Trial):
     """One attempt, judged tick by tick from the duct and the measures of its run."""
 
     def __init__(self, exercise: BedExercise, taker: DissectionMeasureTaker) -> None:
@@ -149,9 +33,9 @@ class BedTrial(Trial[BeddedDuct]):
         self._pulled = -1
         self.standing = exercise.standing(0.0)
 
-    def judge(self, figures: BeddedDuct) -> Outcome | None:
+    def judge(self) -> Outcome | None:
         """Return the outcome if this tick ends the exercise."""
-        wanted, taker, duct = self._exercise, self._taker, figures
+        wanted, taker, duct = self._exercise, self._taker, self._taker.duct
         self._follow(duct)
         freed = wanted.freed(taker.stretches)
         self.progress = min(freed / wanted.free_mm, 1.0)
@@ -164,11 +48,11 @@ class BedTrial(Trial[BeddedDuct]):
                 f"At that pace the wall would have broken in {taker.soonest:.2f} s, within a "
                 f"reaction time of {wanted.time_to_break_limit_s:g} s: the pull was too fast.",
             )
-        if taker.peak > wanted.share_limit:
+        if taker.peak > wanted.stress_ratio_limit:
             return Outcome(
                 False,
                 f"The wall reached {100.0 * taker.peak:.1f} % of its break, past "
-                f"{100.0 * wanted.share_limit:.1f} %: {self._why()}.",
+                f"{100.0 * wanted.stress_ratio_limit:.1f} %: {self._why()}.",
             )
         if taker.out_of_sight > wanted.out_of_sight_limit:
             return Outcome(
@@ -225,7 +109,7 @@ class BedTrial(Trial[BeddedDuct]):
             return "the instrument pushed the duct itself"
         if self._exercise.name == "window":
             return "the duct was lifted, which the dissector behind it does not need"
-        if self._exercise.name == "free-scar":
+        if self._exercise.name == "free_scar":
             return "the duct was held up higher than the jaws need"
         # Sideways only: at a front the stretched duct itself pulls the hook along it.
         angle = math.degrees(math.atan2(abs(float(self._force[1])), float(self._force[2])))

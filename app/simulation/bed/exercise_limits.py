@@ -13,17 +13,17 @@ from functools import lru_cache
 import msgspec
 
 from app.simulation.bed.bedded_duct import FREED_PART, BeddedDuct
-from app.simulation.bed.exercise import BedExercise, BedExerciseName, BedTrial
-from app.simulation.bed.hand import HOLDING, INSTRUMENTS, Instrument
+from app.simulation.bed.exercise import BedTrial
 from app.simulation.bed.measures import DissectionMeasures, DissectionMeasureTaker
 from app.simulation.bed.scripted_hands import MANNERS, BedManner, script
 from app.simulation.bed_preset import BedPreset, bed_named, named_or_whole
-from app.simulation.exercise import REACTION_SECONDS, Outcome
+from app.simulation.exercise import REACTION_SECONDS, BedExercise, BedExerciseName, Outcome
+from app.simulation.inputs import HOLDING, INSTRUMENTS, Instrument
 from app.simulation.specimen import Specimen
 
 __all__ = ["bed_exercises", "rehearsed"]
 
-SPARE: dict[BedExerciseName, float] = {"window": 1.1, "follow-front": 1.15, "free-scar": 1.07}
+SPARE: dict[BedExerciseName, float] = {"window": 1.1, "follow_front": 1.15, "free_scar": 1.07}
 SPARE_FORCE = 1.25
 """Limits of the stress and of an instrument's force, over what good hands need in an even bed:
 about four standard deviations over beds of 20 seeds, and the strongest place of a scattered bed
@@ -48,7 +48,7 @@ def bed_exercises(specimen: Specimen) -> tuple[BedExercise, ...]:
     scarred = bed if bed.patch is not None else bed_named(SCAR)
     found = [
         _offered(replace(specimen, bed=each), name)
-        for name, each in (("window", plain), ("follow-front", plain), ("free-scar", scarred))
+        for name, each in (("window", plain), ("follow_front", plain), ("free_scar", scarred))
     ]
     return tuple(each for each in found if each is not None)
 
@@ -65,10 +65,10 @@ def _offered(specimen: Specimen, name: BedExerciseName) -> BedExercise | None:
     needed, outcome = rehearsed(even, goal, manners["good"])
     if not outcome.passed:
         return None
-    share = SPARE[name] * needed.peak_stress_share
+    share = SPARE[name] * needed.peak_stress_ratio
     if name == "window":
         pulled, _ = rehearsed(even, goal, BedManner(pulls=True))
-        share = max(share, WINDOW_PART * pulled.peak_stress_share)
+        share = max(share, WINDOW_PART * pulled.peak_stress_ratio)
     if share > LOOSEST:
         return None
     force = SPARE_FORCE * needed.maximum_instrument_force_N
@@ -77,10 +77,10 @@ def _offered(specimen: Specimen, name: BedExerciseName) -> BedExercise | None:
         exercise = msgspec.structs.replace(
             goal,
             bed_seed=each,
-            share_limit=share,
+            stress_ratio_limit=share,
             time_to_break_limit_s=REACTION_SECONDS,
             out_of_sight_limit=round(HIDDEN_PART * strands * goal.free_mm),
-            instrument_force_limit_N=force if name == "free-scar" else None,
+            instrument_force_limit_N=force if name == "free_scar" else None,
         )
         duct = BeddedDuct(replace(specimen, bed_seed=each))
         if rehearsed(duct, exercise, manners["good"])[1].passed:
@@ -92,10 +92,10 @@ def _goal(span: float, name: BedExerciseName, bed: BedPreset, seed: int) -> BedE
     """Return what is to be freed, with limits that hardly limit."""
     a, b, free, opened = 0.0, span, WINDOW_SHARE * span, None
     instruments: tuple[Instrument, ...] = INSTRUMENTS
-    if name == "follow-front":
+    if name == "follow_front":
         b, free = (1.0 - OPENED_SHARE) * span, FOLLOW_SHARE * span
         opened, instruments = (b, span), HOLDING
-    elif name == "free-scar":
+    elif name == "free_scar":
         assert bed.patch is not None  # noqa: S101 (the caller has looked)
         a, b = bed.patch.from_share * span, bed.patch.to_share * span
         free = FREED_PART * (b - a)
@@ -107,7 +107,7 @@ def _goal(span: float, name: BedExerciseName, bed: BedPreset, seed: int) -> BedE
         from_mm=a,
         to_mm=b,
         instruments=instruments,
-        share_limit=0.999,
+        stress_ratio_limit=0.999,
         time_to_break_limit_s=0.0,
         out_of_sight_limit=10**6,
         opened_mm=opened,
@@ -126,7 +126,7 @@ def rehearsed(
     taker.start(duct)
     for _ in script(duct, duct, exercise, manner):
         taker.take(moved=duct.advance())
-        trial.take(duct)
+        trial.take()
         if trial.outcome is not None:
             return taker.measures(), trial.outcome
     return taker.measures(), Outcome(False, f"The hands were done with {trial.standing}.")

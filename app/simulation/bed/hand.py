@@ -9,22 +9,16 @@ along the pull, away from the bed.
 """
 
 import math
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.grasper import ARRIVED_MM, ARRIVED_MM_PER_S, HAND_RATE, HAND_SPEED
+from app.simulation.inputs import Instrument
 from kernel_cache import njit
 
-__all__ = ["HOLDING", "INSTRUMENTS", "Hand", "Instrument", "follow"]
-
-Instrument = Literal["hook", "grasper", "dissector", "swab"]
-"""A hook and a grasper hold the duct; a grasper stays where it is left. A dissector's two jaws and
-a swab part strands without holding it."""
-INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper", "dissector", "swab")
-HOLDING: tuple[Instrument, ...] = ("hook", "grasper")
+__all__ = ["Hand", "follow"]
 
 _DECAY = math.exp(-HAND_RATE * TICK_SECONDS)
 _MOST = HAND_SPEED * TICK_SECONDS

@@ -42,18 +42,18 @@ class DissectionMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     freed_mm: float  # length of duct whose strands have parted
     longest_freed_stretch_mm: float
     strands: int  # whole at the start
-    strands_parted: int
-    strands_parted_by_hand: tuple[int, int]
-    strands_parted_by_instrument: int  # that a jaw or a swab touched
-    strands_parted_out_of_sight: int
-    peak_stress_share: float  # largest stress in the wall over the threshold
+    strands_broken: int
+    strands_broken_by_hand: tuple[int, int]
+    strands_broken_by_instrument: int  # that a jaw or a swab touched
+    strands_broken_out_of_sight: int
+    peak_stress_ratio: float  # largest stress in the wall over the threshold
     peak_stress_station_mm: float
     smallest_distance_to_break: float  # 1 less that share
     time_above_half_s: float  # with a share above 0.5
     # (1 - share) over the share's growth; None while it never grew
     shortest_time_to_break_s: float | None
     work_mJ: tuple[float, float]  # noqa: N815
-    parted_energy_mJ: float  # dissipated in strands  # noqa: N815
+    strand_energy_mJ: float  # dissipated in strands  # noqa: N815
     duct_energy_mJ: float  # most that the duct has stored at once  # noqa: N815
     economy_of_work: float | None  # parted energy over both hands' work
     maximum_force_N: tuple[float, float]  # noqa: N815
@@ -84,11 +84,11 @@ class DissectionMeasureTaker:
         self._by_hand = [0] * HANDS
         self.out_of_sight = 0
 
-    def start(self, duct: BeddedDuct, *, by_touch: bool = True) -> None:
+    def start(self, duct: BeddedDuct, *, broken_by_touch: bool = True) -> None:
         """Start on a duct at rest, whose bed may be opened already."""
-        # `by_touch` is that of the run's start.
-        self.by_touch = by_touch
-        self._duct = duct
+        # `broken_by_touch` is that of the run's start.
+        self.broken_by_touch = broken_by_touch
+        self.duct = duct
         self._damage = duct.beam.damage.copy()
         self._before = self._parted = duct.parted
         self._books = duct.beam.energy
@@ -97,14 +97,14 @@ class DissectionMeasureTaker:
         self._measure_freed()
 
     def _measure_freed(self) -> None:
-        self.freed = self._duct.freed
-        self._parted_by_rods = self._duct.beam.broken_by_rods
-        self.stretches = self._duct.freed_stretches()
+        self.freed = self.duct.freed
+        self._parted_by_rods = self.duct.beam.broken_by_rods
+        self.stretches = self.duct.freed_stretches()
 
     def take(self, *, moved: bool) -> None:
         """Take one tick, in which something moved or all stood still."""
         self.ticks += 1
-        duct = self._duct
+        duct = self.duct
         share = duct.share
         if share > self.peak:
             self.peak, self.peak_station = share, duct.station
@@ -124,13 +124,13 @@ class DissectionMeasureTaker:
                 self._measure_freed()
 
     def _take_forces(self, forces: Floats) -> None:
-        beam = self._duct.beam
-        for hand, holder in enumerate(self._duct.hands):
+        beam = self.duct.beam
+        for hand, holder in enumerate(self.duct.hands):
             force = forces[hand]
             size = math.sqrt((force**2).sum())
             self._most[hand] = max(self._most[hand], size)
             self._product[hand] += size * TICK_SECONDS
-            for rod in self._duct.rods_of(hand):
+            for rod in self.duct.rods_of(hand):
                 push = beam.rod_force(rod)
                 self.instrument_force = max(self.instrument_force, math.sqrt((push**2).sum()))
             if holder.node is not None and size > LEAST_FORCE:
@@ -141,7 +141,7 @@ class DissectionMeasureTaker:
         """Divide the tick's work, as it is in the books, between the hands."""
         # Work on the duct goes to the hands that hold it, work on rods to those that sweep; where
         # both do the same, in proportion to force times way of each.
-        duct, books = self._duct, self._duct.beam.energy
+        duct, books = self.duct, self.duct.beam.energy
         swept = books.rod_work - self._books.rod_work
         held = books.work - self._books.work - swept
         self._books = books
@@ -167,7 +167,7 @@ class DissectionMeasureTaker:
 
     def _take_parted(self) -> None:
         """Count the strands that parted in this tick: whose they are, whether they were seen."""
-        duct, beam = self._duct, self._duct.beam
+        duct, beam = self.duct, self.duct.beam
         damage = beam.damage
         new = np.flatnonzero((damage >= 1.0) & (self._damage < 1.0))
         self._damage = damage
@@ -183,10 +183,10 @@ class DissectionMeasureTaker:
                 seen |= away <= WORKING_DISTANCE
             touched = np.zeros(new.size, dtype=np.bool_)
             for rod in rods:
-                touched |= beam.touched_by(rod, including_no_contact=not self.by_touch)[new]
+                touched |= beam.touched_by(rod, including_no_contact=not self.broken_by_touch)[new]
             # A strand is its instrument's if one touches it, else that of the nearest hand that
             # acts on the duct.
-            acts = hand in self._acting if self.by_touch else holder.node is not None
+            acts = hand in self._acting if self.broken_by_touch else holder.node is not None
             away = np.where(touched, -1.0, away if acts else np.inf)
             owner[away < nearest] = hand
             nearest = np.minimum(nearest, away)
@@ -202,17 +202,17 @@ class DissectionMeasureTaker:
             freed_mm=self.freed,
             longest_freed_stretch_mm=max((b - a for a, b in self.stretches), default=0.0),
             strands=self._damage.size - self._before,
-            strands_parted=self._parted - self._before,
-            strands_parted_by_hand=(self._by_hand[0], self._by_hand[1]),
-            strands_parted_by_instrument=self._parted_by_rods,
-            strands_parted_out_of_sight=self.out_of_sight,
-            peak_stress_share=self.peak,
+            strands_broken=self._parted - self._before,
+            strands_broken_by_hand=(self._by_hand[0], self._by_hand[1]),
+            strands_broken_by_instrument=self._parted_by_rods,
+            strands_broken_out_of_sight=self.out_of_sight,
+            peak_stress_ratio=self.peak,
             peak_stress_station_mm=self.peak_station,
             smallest_distance_to_break=1.0 - self.peak,
             time_above_half_s=self._above_half * TICK_SECONDS,
             shortest_time_to_break_s=None if self.soonest == math.inf else self.soonest,
             work_mJ=(self._work[0], self._work[1]),
-            parted_energy_mJ=self._books.dissipated,
+            strand_energy_mJ=self._books.dissipated,
             duct_energy_mJ=self._duct_energy,
             economy_of_work=self._books.dissipated / work if work > 0.0 else None,
             maximum_force_N=(self._most[0], self._most[1]),

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.bed.bedded_duct import JAW_RADIUS, BeddedDuct
-from app.simulation.bed.exercise import BedExercise, BedExerciseName
-from app.simulation.bed.hand import Instrument
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.exercise import BedExercise, BedExerciseName
+from app.simulation.inputs import Instrument
 
 __all__ = ["MANNERS", "BedManner", "Hands", "script"]
 
@@ -45,13 +45,13 @@ MANNERS: dict[BedExerciseName, dict[str, BedManner]] = {
         "hasty": BedManner(speed=40.0, pulls=True),
         "clumsy": BedManner(held=1.0),
     },
-    "follow-front": {
+    "follow_front": {
         "good": BedManner(),
         "hasty": BedManner(speed=40.0),
         "clumsy": BedManner(behind=5.0),
         "sideways": BedManner(lean=math.radians(45.0)),
     },
-    "free-scar": {
+    "free_scar": {
         "good": BedManner(held=1.0),
         "hasty": BedManner(speed=20.0),
         "clumsy": BedManner(held=5.0 / 3.0),
@@ -89,7 +89,7 @@ def script(
 ) -> Iterator[None]:
     """Give the inputs of an exercise; yields when a tick is due."""
     middle = 0.5 * (exercise.from_mm + exercise.to_mm)
-    if exercise.name == "follow-front":
+    if exercise.name == "follow_front":
         yield from _follow(hands, duct, exercise, manner)
     elif manner.pulls:
         yield from _lift(hands, 0, middle, MOST_MM, manner)
@@ -99,7 +99,7 @@ def script(
         # Opening jaws part what is beside the closed ones and the strands that lean over them: all
         # of a scar, if they start beside it.
         beside = 2.0 * JAW_RADIUS + 0.5 * duct.bed.gap_mm
-        place = exercise.from_mm - beside if exercise.name == "free-scar" else middle
+        place = exercise.from_mm - beside if exercise.name == "free_scar" else middle
         yield from _spread(hands, duct, place, manner)
 
 

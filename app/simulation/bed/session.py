@@ -7,35 +7,45 @@ next tick. Places are mm in the duct's frame (`app.simulation.bed.hand`).
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from threading import RLock
+from typing import Self
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.bed.bedded_duct import HANDS, BeddedDuct, BedReading, Touch
-from app.simulation.bed.exercise import BedExercise
+from app.simulation.bed.bedded_duct import ELEMENTS, HANDS, SUBSTEPS, BeddedDuct, BedReading, Touch
+from app.simulation.bed.exercise import BedTrial
 from app.simulation.bed.exercise_limits import bed_exercises
-from app.simulation.bed.hand import INSTRUMENTS, Instrument
-from app.simulation.bed.measures import DissectionMeasures
-from app.simulation.bed.run import DissectionRun
-from app.simulation.bed.run_log import DissectionFile
-from app.simulation.bed_preset import BedPreset, bed_named
+from app.simulation.bed.measures import DissectionMeasures, DissectionMeasureTaker
+from app.simulation.bed_preset import BedPreset, bed_named, named_or_whole
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import default_preset
 from app.simulation.drawn_duct import DrawnDuct
-from app.simulation.exercise import Feedback
-from app.simulation.preset import Preset
-from app.simulation.run_log import OrganIdentity
-from app.simulation.session import VERTICES
+from app.simulation.exercise import BedExercise, Exercise, Feedback
+from app.simulation.inputs import INSTRUMENTS, Input, Instrument
+from app.simulation.preset import Preset, preset_named
+from app.simulation.replay import FEW, Replay
+from app.simulation.run import Run
+from app.simulation.run_file import (
+    OrganIdentity,
+    RunFile,
+    RunFileError,
+    RunLog,
+    RunStart,
+    strands_digest,
+)
+from app.simulation.session import VERTICES, Session
 from app.simulation.specimen import Specimen
 from app.simulation.tear import SETTLED_SECONDS, tear_front, tear_swing
 from organ_geometry import Organ
 from physics.bed import BeamOnBed
 
-__all__ = ["BedSession"]
+__all__ = ["BedSession", "replay_of"]
 
+TUBE = 0  # there is one
 REACH = 60.0
 """mm beyond the duct's ends and to its sides that a hand can reach."""
 
@@ -46,7 +56,7 @@ class BedSession:
     Inputs come from a browser: out of range they are clamped, and those that are not numbers are
     ignored. To the bit, the course of a session is a function of its inputs and of the ticks at
     which they come. `seed` chooses the raggedness of a torn rim, `bed_seed` the bed's scatter;
-    `by_touch` is that of a run's start.
+    `broken_by_touch` is that of a run's start.
     A run starts with the first hold or instrument and is over with the tear or its exercise.
     `duct`, `drawn` and `run` are public for reading; `duct` is another object after a choice of
     organ, preset or bed, `run` after a reset as well.
@@ -62,10 +72,10 @@ class BedSession:
         threshold: float | None = None,
         vertices: int = VERTICES,
         seed: int = 1,
-        by_touch: bool = True,
+        broken_by_touch: bool = True,
     ) -> None:
         self._lock = RLock()
-        self.seed, self._by_touch = seed, by_touch
+        self.seed, self._broken_by_touch = seed, broken_by_touch
         self.drawn = DrawnDuct(organ, vertices, seed)
         self._organ = organ
         self._torn_ticks, self._when_torn = 0, np.empty((0, 3, 4))
@@ -79,7 +89,7 @@ class BedSession:
         """Give a hand another instrument; what it held it lets go."""
         # An exercise that waits or goes on may allow only some.
         with self._lock:
-            wanted = None if self.run.over else self.run.exercise
+            wanted = None if self.run.over else self.exercise
             allowed = INSTRUMENTS if wanted is None else wanted.instruments
             if 0 <= hand < HANDS and instrument in allowed:
                 self._begin_run()
@@ -99,7 +109,7 @@ class BedSession:
             if place is not None and self._begin_run():
                 place = self.duct.grab(hand, at)
             if held or place is not None:
-                self.run.note(hand, "grab", at)
+                self.run.note(hand, "grab", TUBE, at)
             return place
 
     def move_hand(self, hand: int, place: NDArray[np.float64]) -> None:
@@ -121,7 +131,7 @@ class BedSession:
         """Let go of the duct."""
         with self._lock:
             if 0 <= hand < HANDS and self.duct.release(hand):
-                self.run.note(hand, "let-go")
+                self.run.note(hand, "release")
 
     def open_jaws(self, hand: int, opening: float) -> None:
         """Open or close a dissector, mm between its jaws; no other instrument opens."""
@@ -134,12 +144,12 @@ class BedSession:
             before = holder.target_opening
             self.duct.open_jaws(hand, float(opening))
             if holder.target_opening != before:
-                self.run.note(hand, "jaws", holder.target_opening)
+                self.run.note(hand, "open", holder.target_opening)
 
     def reset(self) -> None:
         """Make the duct and its bed whole; the next input starts a run without an exercise."""
         with self._lock:
-            self.run = DissectionRun()
+            self._new_run()
             self._renew()
 
     def choose_bed(self, bed: BedPreset | str, seed: int = 1) -> None:
@@ -163,7 +173,9 @@ class BedSession:
                 whole = duct.torn is None
                 moved = duct.advance()
                 changed |= moved
-                self.run.take(moved=moved)
+                if self.run.going:
+                    self._taker.take(moved=moved)
+                    self.run.end_tick(torn=duct.torn is not None)
                 if duct.torn is not None:
                     if whole:
                         self._when_torn = self.drawn.transforms.copy()
@@ -204,16 +216,16 @@ class BedSession:
         duct = self.duct
         return bed_exercises(replace(duct.specimen, threshold_MPa=duct.threshold))
 
-    def start_exercise(
-        self, exercise: BedExercise, feedback: Feedback = Feedback.CONTINUOUS
-    ) -> None:
+    def start_exercise(self, exercise: Exercise, feedback: Feedback = Feedback.CONTINUOUS) -> None:
         """Start anew with an exercise, in its bed; its time runs from the first input."""
+        if not isinstance(exercise, BedExercise):
+            raise ValueError(f"{exercise.title} is done without a bed")
         with self._lock:
             bed = bed_named(exercise.bed) if isinstance(exercise.bed, str) else exercise.bed
             duct = self.duct
             if (duct.bed, duct.seed) != (bed, exercise.bed_seed):
                 self._start(duct.dissection.preset, bed, exercise.bed_seed, duct.threshold)
-            self.run = DissectionRun(exercise, feedback)
+            self._new_run(exercise, feedback)
             self._renew()
 
     def finish(self) -> None:
@@ -222,15 +234,144 @@ class BedSession:
             self.run.finish()
 
     def measures(self) -> DissectionMeasures:
-        """Return the measures of this run so far."""
+        """Return the measures of this run so far; a `ValueError` before its start."""
         with self._lock:
-            return self.run.measures()
+            if not self.run.started:
+                raise ValueError("a run starts with the first input; there has been none")
+            return self._taker.measures()
 
-    def run_file(self) -> DissectionFile:
+    def run_file(self) -> RunFile:
         """Return this run so far, to keep, download and replay."""
         with self._lock:
-            log = self.run.log(OrganIdentity.of(self._organ), self.seed)
-            return DissectionFile.of(log, self.run.measures(), self.run.outcome)
+            return self.run.file(OrganIdentity.of(self._organ), self.seed)
+
+    @property
+    def torn(self) -> bool:
+        """Whether the duct is torn."""
+        return self.duct.torn is not None
+
+    # Replays
+
+    @classmethod
+    def of_log(cls, log: RunLog, organ: Organ, vertices: int) -> Self:
+        """Return a session for a run; a `RunFileError` where it cannot be replayed here."""
+        log.organ.check(organ)
+        start = log.start
+        preset, bed, seed = start.preset, start.bed, start.bed_seed
+        if bed is None or seed is None:
+            raise RunFileError("a run of a free duct has no bed")
+        try:
+            preset = preset_named(preset) if isinstance(preset, str) else preset
+            session = cls(
+                organ,
+                msgspec.structs.replace(preset, law=start.law, stiffening=start.stiffening),
+                bed_named(bed) if isinstance(bed, str) else bed,
+                bed_seed=seed,
+                threshold=start.threshold_MPa,
+                vertices=vertices,
+                seed=log.seed,
+                broken_by_touch=start.broken_by_touch,
+            )
+        except ValueError as error:
+            raise RunFileError(f"the run's preset or bed: {error}") from None
+        if strands_digest(session.duct.beam.strands) != start.strands_sha256:
+            raise RunFileError(f"seed {seed} gives other strands here than where the run was made")
+        if isinstance(log.exercise, BedExercise) and (
+            (log.exercise.bed, log.exercise.bed_seed) != (bed, seed)
+        ):
+            raise RunFileError("the run's exercise is of another bed than the run")
+        return session
+
+    def restart(self, log: RunLog) -> None:
+        """Go to where a run starts."""
+        if log.exercise is None:
+            self.reset()
+        else:
+            self.start_exercise(log.exercise, log.feedback)
+        if log.start.tips_mm is not None:
+            self.put_hands(log.start.tips_mm)
+
+    def apply(self, each: Input) -> None:
+        """Apply an input; one that a duct in a bed does not take is ignored."""
+        hand, value = each.hand, each.value
+        if each.kind == "release":
+            self.release(hand)
+        elif each.kind == "instrument" and isinstance(value, str):
+            self.choose_instrument(hand, value)  # pyright: ignore[reportArgumentType]
+        elif isinstance(value, tuple):
+            if each.kind == "grab":
+                self.grab(hand, value[1])
+            elif each.kind == "move":
+                self.move_hand(hand, np.array(value))
+        elif each.kind == "open" and isinstance(value, float | int):
+            self.open_jaws(hand, value)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the figures of `row`."""
+        by_hand = (
+            "x_mm", "y_mm", "z_mm", "opening_mm", "force_x_N", "force_y_N", "force_z_N", "held",
+        )  # fmt: skip
+        return (
+            *(f"hand_{hand + 1}_{name}" for hand in range(HANDS) for name in by_hand),
+            "freed_mm", "strands_broken", "stress_ratio",
+            "work_mJ", "stored_mJ", "dissipated_mJ", "torn",
+        )  # fmt: skip
+
+    def row(self) -> tuple[float, ...]:
+        """Return what the instruments show now."""
+        reading = self.reading()
+        energy = reading.books
+        forces: list[list[float]] = reading.forces.tolist()
+        hands = zip(self.duct.hands, forces, reading.held, strict=True)
+        return (
+            *(
+                number
+                for hand, force, held in hands
+                for number in (*map(float, hand.place), hand.opening, *force, int(held))
+            ),
+            reading.freed,
+            int(reading.parted),
+            reading.stress_share,
+            energy.work,
+            energy.stored,
+            energy.dissipated,
+            int(self.torn),
+        )
+
+    def _new_run(
+        self, exercise: Exercise | None = None, feedback: Feedback = Feedback.CONTINUOUS
+    ) -> None:
+        self._taker = DissectionMeasureTaker()
+        if exercise is not None and not isinstance(exercise, BedExercise):
+            raise ValueError(f"{exercise.title} is done without a bed")
+        trial = None if exercise is None else BedTrial(exercise, self._taker)
+        self.run = Run(self._taker, exercise, feedback, trial=trial)
+
+    def _run_start(self) -> Callable[[], RunStart]:
+        """Return what makes the start of the run that begins now."""
+        duct, preset = self.duct, self.duct.dissection.preset
+        threshold = duct.threshold
+        tips = tuple((x, y, z) for x, y, z in (hand.place.tolist() for hand in duct.hands))
+        return lambda: RunStart(
+            preset.name if preset.ships else preset,
+            threshold,
+            bed=named_or_whole(duct.bed),
+            bed_seed=duct.seed,
+            strands_sha256=strands_digest(duct.beam.strands),
+            law=preset.law,
+            stiffening=preset.stiffening,
+            elements=ELEMENTS,
+            substeps=SUBSTEPS,
+            broken_by_touch=self._broken_by_touch,
+            tips_mm=tips,
+        )
+
+    @property
+    def exercise(self) -> BedExercise | None:
+        """The exercise of the present run."""
+        found = self.run.exercise
+        return found if isinstance(found, BedExercise) else None
 
     def _begin_run(self) -> bool:
         """Start the run with the first input, on a duct that nothing has touched."""
@@ -241,7 +382,8 @@ class BedSession:
         for hand, (before, after) in enumerate(zip(hands, self.duct.hands, strict=True)):
             self.duct.put_hand(hand, before.place)
             after.target[:] = before.target
-        self.run.start(self.duct, by_touch=self._by_touch)
+        self.run.start(self._run_start())
+        self._taker.start(self.duct, broken_by_touch=self._broken_by_touch)
         for hand, holder in enumerate(self.duct.hands):
             if not holder.arrived:
                 self.run.note(hand, "move", *holder.target.tolist())
@@ -256,7 +398,7 @@ class BedSession:
     def _renew(self) -> None:
         """Make the duct and its bed whole, but for what the exercise has opened."""
         torn = self.duct.torn is not None
-        exercise = self.run.exercise
+        exercise = self.exercise
         if exercise is None:
             self.duct.reset()
         else:
@@ -276,7 +418,7 @@ class BedSession:
         self.duct = BeddedDuct(
             Specimen(preset, self._organ, bed, bed_seed=bed_seed, threshold_MPa=threshold)
         )
-        self.run = DissectionRun()
+        self._new_run()
         self._torn_ticks = 0
         self.drawn.follow(self.duct.dissection)
 
@@ -294,3 +436,12 @@ class BedSession:
 
         self.drawn.draw_moved(move)
         self.drawn.open_tear(tear_front(elapsed))
+
+
+def replay_of(
+    log: RunLog, organ: Organ, *, vertices: int = FEW
+) -> Replay[Session] | Replay[BedSession]:
+    """Return a replay of a run, on a free duct or one in a bed."""
+    if log.start.in_bed:
+        return Replay(BedSession, log, organ, vertices=vertices)
+    return Replay(Session, log, organ, vertices=vertices)

@@ -17,8 +17,16 @@ from app.classroom.exercise_file import SetExercise, read_exercise
 from app.classroom.recorder import Recorder
 from app.classroom.results import Result, best, results, shown_names, standing
 from app.classroom.store import Assignment, ClassStore, Person, RunRecord, now
-from app.simulation import Preset, RunFile, Session, default_preset, preset_named, run_json
-from app.simulation.bed import BedSession, DissectionFile, read_any_run
+from app.simulation import (
+    Preset,
+    RunFile,
+    Session,
+    default_preset,
+    preset_named,
+    read_run,
+    run_json,
+)
+from app.simulation.bed import BedSession
 from app.trainer.classroom.class_card import Card, ClassCard
 from app.trainer.classroom.live import Live, live
 from app.trainer.client.client_state import Mode
@@ -329,8 +337,8 @@ class Lesson:
             if kept is None:
                 client.add_notification("No such run", "It has been deleted.", color="yellow")
                 return None
-            run = read_any_run(kept.file)
-            mode: Mode = "pull" if isinstance(run, RunFile) else "dissect"
+            run = read_run(kept.file)
+            mode: Mode = "dissect" if run.log.start.in_bed else "pull"
 
             def replay(view: ClientView) -> None:
                 state: Any = view.state
@@ -382,7 +390,7 @@ class Lesson:
         self,
         member: _Member,
         run: Any,
-        file: Callable[[], RunFile | DissectionFile],
+        file: Callable[[], RunFile],
         *,
         finished: bool,
     ) -> None:
@@ -402,13 +410,13 @@ class Lesson:
                 id=run_id,
                 person_id=person.id,
                 assignment_id=current[0].id if mine and current is not None else None,
-                mode="pull" if isinstance(content, RunFile) else "dissect",
+                mode="dissect" if content.log.start.in_bed else "pull",
                 title=current[1].title if mine and current is not None else run_title(content),
                 started_at=started_at,
                 finished=finished,
                 passed=None if outcome is None else outcome.passed,
                 reason="" if outcome is None else outcome.reason,
-                measures=msgspec.json.encode(content.measures).decode(),
+                measures=msgspec.json.encode(content.metrics).decode(),
                 file=run_json(content),
             )
             member.save_after = max(SAVE_SECONDS, PATIENCE * (time.monotonic() - began))

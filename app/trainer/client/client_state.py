@@ -10,8 +10,8 @@ from typing import Any, Generic, Literal, TypeVar
 import viser
 
 from app.compression.build_process import BuildProcess
-from app.simulation import VERTICES, BaseReplay, Feedback, RunFile, Session, Spread
-from app.simulation.bed import BedSession, DissectionFile
+from app.simulation import FEW, VERTICES, Feedback, Replay, RunFile, Session, Spread
+from app.simulation.bed import BedSession
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.scene.drag_proxy import Hold
@@ -31,10 +31,7 @@ Mode = Literal["dissect", "pull"]
 """A duct freed from its bed, or one pulled without a bed."""
 MODES: tuple[Mode, ...] = ("dissect", "pull")
 SessionT = TypeVar("SessionT", Session, BedSession)
-FileT = TypeVar("FileT", RunFile, DissectionFile)
 FORCE_KEY = "F takes its force away, and gives it back."
-FEW = 300
-"""Vertices of the skin of a duct that is replayed for its numbers only."""
 PATIENCE = 0.4
 """s of waiting after which the client is told what is being done."""
 EXERCISE_GOES_ON = "An exercise goes on until it is over. Stop it first."
@@ -63,7 +60,7 @@ class Workers:
             each.stop()
 
 
-class ClientState(ABC, Generic[SessionT, FileT]):
+class ClientState(ABC, Generic[SessionT]):
     """What the parts of one client's page share. Its methods may be called by any thread.
 
     `plain` is the client's choice of the simple picture; `last_run` the last run that ended or was
@@ -76,11 +73,11 @@ class ClientState(ABC, Generic[SessionT, FileT]):
 
     def __init__(self, client: viser.ClientHandle, session: SessionT, workers: Workers) -> None:
         self.client, self.session, self.workers = client, session, workers
-        self.last_run: FileT | None = None
+        self.last_run: RunFile | None = None
         self.told: object = session.run if session.run.over else None  # the run whose end was told
         # the replay that is shown in place of the session
         self.playback: ReplayPlayback[SessionT] | None = None
-        self._replayed: FileT | None = None
+        self._replayed: RunFile | None = None
         self.plain = False
         self.spread: Spread | None = None  # of the ducts of a band beside the distance to break
         self.choose_mode: Callable[[Mode], None] = lambda _: None
@@ -189,7 +186,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
     def start_exercise(self, exercise: Any, feedback: Feedback) -> None:
         """Start anew with an exercise."""
 
-    def start_again(self, run: FileT) -> None:
+    def start_again(self, run: RunFile) -> None:
         """Start the exercise of a run again."""
         if run.log.exercise is not None:
             self.start_exercise(run.log.exercise, run.log.feedback)
@@ -202,21 +199,21 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self.paused = False
         self._changed = True
 
-    @abstractmethod
-    def run_so_far(self) -> FileT:
+    def run_so_far(self) -> RunFile:
         """Return the run in progress; a `ValueError` before its start."""
+        return self.session.run_file()
 
     @abstractmethod
-    def read_run(self, content: bytes) -> FileT:
+    def read_run(self, content: bytes) -> RunFile:
         """Return the run in a file; a `ValueError` if it is not one of this mode."""
 
     @abstractmethod
-    def replay_of(self, run: FileT, *, vertices: int = VERTICES) -> BaseReplay[SessionT, Any]:
+    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay[SessionT]:
         """Return a replay of a run, whose skin has about so many vertices."""
 
-    @abstractmethod
-    def run_csv(self, run: FileT) -> bytes:
+    def run_csv(self, run: RunFile) -> bytes:
         """Return a run tick by tick, as comma-separated values."""
+        return self.replay_of(run, vertices=FEW).series().csv().encode()
 
     def keep_run(self) -> None:
         """Keep the run so far as the last one, if there was any input."""
@@ -224,7 +221,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
             self.last_run = self.run_so_far()
             self.kept()
 
-    def run_at_hand(self) -> FileT | None:
+    def run_at_hand(self) -> RunFile | None:
         """Return the run that is replayed, else the one in progress, else the last one."""
         if self.playback is not None:
             return self._replayed
@@ -235,7 +232,7 @@ class ClientState(ABC, Generic[SessionT, FileT]):
         self.session.finish()
         self._changed = True
 
-    def start_replay(self, run: FileT) -> None:
+    def start_replay(self, run: RunFile) -> None:
         """Replay a run in place of the session, which is stopped meanwhile."""
         playback = ReplayPlayback(self.replay_of(run))
         self.release_hand()

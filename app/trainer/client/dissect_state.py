@@ -6,21 +6,20 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation import VERTICES, Feedback, Preset
-from app.simulation.bed import (
-    HANDS,
+from app.simulation import (
     HOLDING,
     INSTRUMENTS,
-    BedExercise,
-    BedSession,
-    DissectionFile,
-    DissectionReplay,
+    VERTICES,
+    Exercise,
+    Feedback,
     Instrument,
-    bed_named,
-    dissection_csv,
-    read_any_run,
+    Preset,
+    Replay,
+    RunFile,
+    read_run,
 )
-from app.trainer.client.client_state import FEW, FORCE_KEY, ClientState, Workers
+from app.simulation.bed import HANDS, BedSession, bed_named
+from app.trainer.client.client_state import FORCE_KEY, ClientState, Workers
 from app.trainer.scene.bed_scene import Colours
 from app.trainer.scene.drag_proxy import Hold
 
@@ -36,7 +35,7 @@ TAKES = "button a takes the duct below the hook and lets go of it, as the keys X
 TORN = "A torn duct holds no pull. Press Reset (R) for a new one."
 
 
-class DissectState(ClientState[BedSession, DissectionFile]):
+class DissectState(ClientState[BedSession]):
     """What the parts of a page share while it shows a duct in its bed.
 
     `hand` is the number of the active hand, which the mouse on the duct and the keys lead;
@@ -53,7 +52,7 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         self.into_picture = False
         self._dragged: int | None = None  # the hand that the mouse leads
         self._led_from = np.zeros(3)  # where its tip was when the drag began, mm
-        self._tries = deque[DissectionFile](maxlen=MOST_TRIES)
+        self._tries = deque[RunFile](maxlen=MOST_TRIES)
         self.device_hands = 0  # how many of the first hands are devices'
         self.device_holds = [False] * HANDS  # which of those hold by a key, whatever their buttons
         self.keep_run()
@@ -81,10 +80,6 @@ class DissectState(ClientState[BedSession, DissectionFile]):
 
     # Runs
 
-    def run_so_far(self) -> DissectionFile:
-        """Return the run in progress; a `ValueError` before its start."""
-        return self.session.run_file()
-
     def keep_run(self) -> None:
         """Keep the run so far as the last one, and among the tries if it was judged."""
         super().keep_run()
@@ -92,33 +87,29 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         if run is not None and run.outcome is not None and run not in self._tries:
             self._tries.append(run)
 
-    def earlier_tries(self, run: DissectionFile) -> list[DissectionFile]:
+    def earlier_tries(self, run: RunFile) -> list[RunFile]:
         """Return the earlier judged runs of the same exercise and start, oldest first."""
         task = run.log.exercise, run.log.start
         tries = [each for each in self._tries if (each.log.exercise, each.log.start) == task]
         return [each for each in tries if each != run]
 
-    def read_run(self, content: bytes) -> DissectionFile:
+    def read_run(self, content: bytes) -> RunFile:
         """Return the run in a file; a `ValueError` if it is not one of this mode."""
-        run = read_any_run(content)
-        if not isinstance(run, DissectionFile):
+        run = read_run(content)
+        if not run.log.start.in_bed:
             raise ValueError("This run is a pull. Choose Pull at the top, then open it.")
         return run
 
-    def replay_of(self, run: DissectionFile, *, vertices: int = VERTICES) -> DissectionReplay:
+    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay[BedSession]:
         """Return a replay of a run, whose skin has about so many vertices."""
-        return DissectionReplay(run.log, self.session.duct.dissection.organ, vertices=vertices)
-
-    def run_csv(self, run: DissectionFile) -> bytes:
-        """Return a run tick by tick, as comma-separated values."""
-        return dissection_csv(self.replay_of(run, vertices=FEW).series()).encode()
+        return Replay(BedSession, run.log, self.session.duct.dissection.organ, vertices=vertices)
 
     def offers_follow_from(self) -> object:
         """Return what the exercises offered depend on."""
         duct = self.session.duct
         return duct.dissection, duct.bed, duct.seed, duct.threshold
 
-    def start_exercise(self, exercise: BedExercise, feedback: Feedback) -> None:
+    def start_exercise(self, exercise: Exercise, feedback: Feedback) -> None:
         """Start anew with an exercise, in its bed."""
         self.leave_replay()
         self._renew(lambda: self.session.start_exercise(exercise, feedback))
@@ -166,7 +157,7 @@ class DissectState(ClientState[BedSession, DissectionFile]):
         """Make a hand the active one, with this instrument; one that it has it keeps as it is."""
         if self.playback is not None or self._refuses(hand):
             return
-        wanted = self.session.run.exercise if self.in_exercise else None
+        wanted = self.session.exercise if self.in_exercise else None
         if wanted is not None and instrument not in wanted.instruments:
             self.refuse(f"This exercise is done with: {', '.join(wanted.instruments)}.")
             return
@@ -176,7 +167,7 @@ class DissectState(ClientState[BedSession, DissectionFile]):
 
     def next_instrument(self) -> None:
         """Give the active hand the next instrument."""
-        wanted = self.session.run.exercise if self.in_exercise else None
+        wanted = self.session.exercise if self.in_exercise else None
         offered = INSTRUMENTS if wanted is None else wanted.instruments
         now = offered.index(self.instrument) if self.instrument in offered else -1
         self.choose_instrument(self.hand, offered[(now + 1) % len(offered)])

@@ -14,10 +14,9 @@ from app.simulation import (
     Replay,
     RunFile,
     Session,
-    series_csv,
+    read_run,
 )
-from app.simulation.bed import read_any_run
-from app.trainer.client.client_state import FEW, FORCE_KEY, ClientState, Workers
+from app.trainer.client.client_state import FORCE_KEY, ClientState, Workers
 from app.trainer.scene.drag_proxy import Hold
 from organ_geometry import Organ
 
@@ -32,7 +31,7 @@ COUNTED: dict[ExerciseInputs, str] = {
 HAND_ONLY = "In this exercise only your hand counts: drag the duct or the hook."
 
 
-class PullState(ClientState[Session, RunFile]):
+class PullState(ClientState[Session]):
     """What the parts of a page share while it shows a duct without a bed.
 
     `heat` and `overlay` are the client's choices: stress on the surface, the model's points.
@@ -69,26 +68,18 @@ class PullState(ClientState[Session, RunFile]):
         self.overlay = self.overlay if overlay is None else overlay
         super().show(plain=plain)
 
-    def run_so_far(self) -> RunFile:
-        """Return the run in progress; a `ValueError` before its start."""
-        return self.session.run_file()
-
     def read_run(self, content: bytes) -> RunFile:
         """Return the run in a file; a `ValueError` if it is not one of this mode."""
-        run = read_any_run(content)
-        if not isinstance(run, RunFile):
+        run = read_run(content)
+        if run.log.start.in_bed:
             raise ValueError(
                 "This run is a dissection. Choose Dissect at the top, and open it there."
             )
         return run
 
-    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay:
+    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay[Session]:
         """Return a replay of a run, whose skin has about so many vertices."""
-        return Replay(run.log, self.session.duct.dissection.organ, vertices=vertices)
-
-    def run_csv(self, run: RunFile) -> bytes:
-        """Return a run tick by tick, as comma-separated values."""
-        return series_csv(self.replay_of(run, vertices=FEW).series()).encode()
+        return Replay(Session, run.log, self.session.duct.dissection.organ, vertices=vertices)
 
     def reset(self) -> None:
         """Make the duct whole and bring the view home; the next pull starts a run."""

@@ -3,9 +3,9 @@
 import math
 import time
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
-from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, BaseReplay, Session
+from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, Replay, Session
 from app.simulation.bed import BedSession
 
 __all__ = ["LivePlayback", "ReplayPlayback"]
@@ -31,7 +31,7 @@ class ReplayPlayback(Generic[SessionT]):
 
     title = "Replay"
 
-    def __init__(self, replay: BaseReplay[SessionT, Any]) -> None:
+    def __init__(self, replay: Replay[SessionT]) -> None:
         self._replay = replay
         self._last = self._replay.ticks
         self.duration = self._replay.duration  # s, the run and the recoil of the torn pieces

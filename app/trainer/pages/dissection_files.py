@@ -6,7 +6,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 from app.export.motion import MOST_FRAMES, PAGE_FRAMES
 from app.export.recorded_run import RecordedRun
 from app.export.vtk_series import snapshot_contents
-from app.simulation.bed import DissectionFile, DissectionReplay
+from app.simulation import RunFile
 from app.trainer.pages.downloads import Download, file_name, organ_content
 from app.trainer.pages.html_player import page_edge_length, run_page
 from organ_geometry import Organ
@@ -22,11 +22,9 @@ RUN_SUFFIXES = {
     ".organ": "Organ file",
 }
 """Suffixes and what the panel calls the files."""
-FEW = 300
-"""Vertices of the skin where only its motion is asked for."""
 
 
-def run_download(run: DissectionFile | None, organ: Organ, suffix: str, vertices: int) -> Download:
+def run_download(run: RunFile | None, organ: Organ, suffix: str, vertices: int) -> Download:
     """Return a run on an organ as a file, its surface of about so many vertices."""
     # It can take seconds: not for the clock.
     if suffix not in RUN_SUFFIXES:
@@ -39,10 +37,9 @@ def run_download(run: DissectionFile | None, organ: Organ, suffix: str, vertices
     return Download(f"{name}{suffix}", _content(run, organ, name, suffix, vertices))
 
 
-def _content(run: DissectionFile, organ: Organ, name: str, suffix: str, vertices: int) -> bytes:
-    replay = DissectionReplay(run.log, organ, vertices=FEW)
+def _content(run: RunFile, organ: Organ, name: str, suffix: str, vertices: int) -> bytes:
     most = {".glb": MOST_FRAMES, ".html": PAGE_FRAMES}.get(suffix, 2)
-    played = RecordedRun.of_dissection(replay, frames=min(most, run.log.ticks + 1))
+    played = RecordedRun.of_log(run.log, organ, frames=min(most, run.log.ticks + 1))
     if suffix == ".html":
         return run_page(played, edge_length=page_edge_length(organ)).encode()
     edge_length = page_edge_length(organ, vertices)

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from app.simulation.bed import BedReading, DissectionFile
+from app.simulation.bed import BedReading
 from app.trainer.client.dissect_state import NUDGE, DissectState
 from app.trainer.pages.dissection_files import RUN_SUFFIXES, run_download
 from app.trainer.pages.downloads import Download
@@ -26,7 +26,7 @@ from app.trainer.stage.heat_map import freed_legend_html, heat_legend_html
 __all__ = ["DissectPanel"]
 
 
-class DissectPanel(ModePanel[DissectState, BedReading, DissectionFile]):
+class DissectPanel(ModePanel[DissectState, BedReading]):
     """The panel of a duct in its bed."""
 
     def __init__(self, state: DissectState) -> None:

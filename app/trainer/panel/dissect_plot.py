@@ -84,7 +84,7 @@ class DissectPlot:
         self._run = run
         set_if_changed(self._wanted, visible=figures)
         if figures:
-            exercise = run.exercise
+            limits = {} if run.exercise is None else run.exercise.limits
             if run.seconds - rows[0, -1] > IDLE_SECONDS:  # nothing has moved since
                 rows[:, :-1] = rows[:, 1:]
                 rows[0, -1] = run.seconds - TICK_SECONDS
@@ -92,7 +92,7 @@ class DissectPlot:
             rows[0, -1] = run.seconds
             rows[1:-2, -1] = [math.hypot(*force) for force in reading.forces.tolist()]
             rows[-2, -1] = 100.0 * max(0.0, reading.distance_to_break)
-            rows[-1, -1] = math.nan if exercise is None else 100.0 * (1.0 - exercise.share_limit)
+            rows[-1, -1] = 100.0 * (1.0 - limits.get("peak_stress_ratio", math.nan))
         self._draw()
 
     def lags(self, session: BedSession) -> bool:

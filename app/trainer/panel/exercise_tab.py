@@ -6,7 +6,6 @@ from typing import Any
 import viser
 
 from app.simulation import Exercise, Feedback
-from app.simulation.bed import BedExercise
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, on_click, on_input, set_if_changed
 
@@ -23,9 +22,9 @@ NONE, AWAITED = "This duct cannot break", "Working out its limits"
 class ExerciseTab:
     """The tab of exercises."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState[Any, Any]) -> None:
+    def __init__(self, gui: viser.GuiApi, state: ClientState[Any]) -> None:
         self._state = state
-        self._offered: dict[str, Exercise | BedExercise] = {}
+        self._offered: dict[str, Exercise] = {}
         self._key: object = None
         self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown(
             "Exercise", [AWAITED], hint="Its numbers follow from where this duct breaks"

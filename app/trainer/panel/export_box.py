@@ -14,7 +14,7 @@ __all__ = ["add_export"]
 
 def add_export(
     gui: viser.GuiApi,
-    state: ClientState[Any, Any],
+    state: ClientState[Any],
     suffixes: Mapping[str, str],
     make: Callable[[str], Download],
     hint: str,

@@ -24,7 +24,7 @@ SHOWN: dict[Mode, tuple[str, str]] = {
 }
 
 
-def dress_panel(gui: viser.GuiApi, state: ClientState[Any, Any], mode: Mode) -> None:
+def dress_panel(gui: viser.GuiApi, state: ClientState[Any], mode: Mode) -> None:
     """Set the panel's theme and place, and begin it with the choice of the mode."""
     gui.configure_theme(
         titlebar_content=theme.TitlebarConfig(
@@ -61,7 +61,7 @@ def add_disclaimer(gui: viser.GuiApi) -> None:
 
 
 def add_keys(
-    state: ClientState[Any, Any],
+    state: ClientState[Any],
     keys: Sequence[Key],
     actions: Mapping[str, Callable[[], object]],
     anytime: Mapping[str, Callable[[], object]],

@@ -4,7 +4,8 @@ from functools import partial
 
 import viser
 
-from app.simulation.bed import MOST_OPENING, BedReading, Instrument
+from app.simulation import Instrument
+from app.simulation.bed import MOST_OPENING, BedReading
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.panel.bed_readout import HANDS
 from app.trainer.panel.controls import Choice, note, number, on_click, on_input, set_if_changed

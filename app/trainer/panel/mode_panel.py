@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 import viser
 
 from app.simulation import Reading, RunFile
-from app.simulation.bed import BedReading, DissectionFile
+from app.simulation.bed import BedReading
 from app.trainer.client.client_state import ClientState, Mode
 from app.trainer.panel.controls import on_click, set_if_changed
 from app.trainer.panel.exercise_tab import ExerciseTab
@@ -20,15 +20,14 @@ from app.trainer.viser_bridge.page import announce, open_tab, take_arrows
 
 __all__ = ["ModePanel"]
 
-StateT = TypeVar("StateT", bound=ClientState[Any, Any])
+StateT = TypeVar("StateT", bound=ClientState[Any])
 ReadingT = TypeVar("ReadingT", Reading, BedReading)
-FileT = TypeVar("FileT", RunFile, DissectionFile)
 
 
-class ModePanel(ABC, Generic[StateT, ReadingT, FileT]):
+class ModePanel(ABC, Generic[StateT, ReadingT]):
     """One client's panel: it passes inputs to the session and shows its readings."""
 
-    def __init__(self, state: StateT, mode: Mode, open_result: ResultPage[StateT, FileT]) -> None:
+    def __init__(self, state: StateT, mode: Mode, open_result: ResultPage[StateT]) -> None:
         self._state, self._open_result = state, open_result
         self._mode: Mode = mode
         self._said = ""
@@ -70,7 +69,7 @@ class ModePanel(ABC, Generic[StateT, ReadingT, FileT]):
     def show(self, reading: ReadingT) -> None:
         """Show a reading."""
 
-    def show_result(self, run: FileT) -> None:
+    def show_result(self, run: RunFile) -> None:
         """Open the result page of a run; replaying the run for its plots takes a while."""
         state = self._state
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from app.simulation import ApproachBreak, Exercise, Series, loading_rates
-from app.simulation.bed import BedExercise, DissectionSeries
+from app.simulation.bed import HANDS
 
 __all__ = [
     "AXIS_COLOUR",
@@ -112,15 +112,15 @@ def _mark(series: uplot.Series) -> str:
 def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
     """Plot a pull over time: the force, and what its exercise's goal and limits are about."""
     limits = {} if exercise is None else exercise.limits
-    time, percent = series.time, 100.0 * np.clip(series.distance_to_break, 0.0, 1.0)
+    time, percent = series["time_s"], 100.0 * np.clip(series["distance_to_break"], 0.0, 1.0)
     band = None if exercise is None else exercise.band
     if band is not None:
-        _add_plot(gui, time, "deflection (mm)", {"#e8eaed": series.deflection}, band=band)
+        _add_plot(gui, time, "deflection (mm)", {"#e8eaed": series["deflection_mm"]}, band=band)
     margin = (0.0, 100.0 * exercise.margin) if isinstance(exercise, ApproachBreak) else None
     distance = {DISTANCE_COLOUR: percent}
     if margin is not None:
         _add_plot(gui, time, TO_BREAK, distance, band=margin, top=108.0)
-    force = {HAND_COLOURS[0]: series.force}
+    force = {HAND_COLOURS[0]: series["force_N"]}
     _add_plot(gui, time, "force F (N)", force, limits.get("maximum_force_N"))
     rate = limits.get("maximum_loading_rate_N_per_s")
     if rate is not None:
@@ -134,17 +134,19 @@ def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | Non
     gui.add_html(key_html(marks + [LIMIT] * bool(limits)))
 
 
-def add_dissection_plots(
-    gui: viser.GuiApi, series: DissectionSeries, exercise: BedExercise | None
-) -> None:
+def add_dissection_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
     """Plot a dissection over time: the forces of both hands, what is freed, and the break."""
-    limit = None if exercise is None else 100.0 * (1.0 - exercise.share_limit)
-    percent = 100.0 * np.clip(1.0 - series.stress_share, 0.0, 1.0)
-    forces = np.linalg.norm(series.forces, axis=2).T
+    ratio = None if exercise is None else exercise.limits.get("peak_stress_ratio")
+    limit = None if ratio is None else 100.0 * (1.0 - ratio)
+    time, percent = series["time_s"], 100.0 * np.clip(1.0 - series["stress_ratio"], 0.0, 1.0)
+    forces = [
+        np.sqrt(sum(series[f"hand_{hand + 1}_force_{axis}_N"] ** 2 for axis in "xyz"))
+        for hand in range(HANDS)
+    ]
     hands: dict[str, Curve] = dict(zip(HAND_COLOURS, forces, strict=True))
-    _add_plot(gui, series.time, TO_BREAK, {DISTANCE_COLOUR: percent}, limit, top=108.0)
-    _add_plot(gui, series.time, "force (N)", hands)
-    _add_plot(gui, series.time, "freed (mm)", {"#e8eaed": series.freed})
+    _add_plot(gui, time, TO_BREAK, {DISTANCE_COLOUR: percent}, limit, top=108.0)
+    _add_plot(gui, time, "force (N)", hands)
+    _add_plot(gui, time, "freed (mm)", {"#e8eaed": series["freed_mm"]})
     names = zip(("left hand", "right hand"), HAND_COLOURS, strict=True)
     gui.add_html(key_html([line(*each, 2.0) for each in names] + [LIMIT] * (limit is not None)))
 

@@ -1,6 +1,6 @@
 """The panel of a duct without a bed: the read-out, the tabs and the keys."""
 
-from app.simulation import Reading, RunFile
+from app.simulation import Reading
 from app.trainer.client.pull_state import PullState
 from app.trainer.pages.downloads import SUFFIXES, download
 from app.trainer.panel.build_tab import BuildTab
@@ -23,7 +23,7 @@ from app.trainer.stage.heat_map import heat_legend_html
 __all__ = ["PullPanel"]
 
 
-class PullPanel(ModePanel[PullState, Reading, RunFile]):
+class PullPanel(ModePanel[PullState, Reading]):
     """The panel of a duct without a bed."""
 
     def __init__(self, state: PullState) -> None:

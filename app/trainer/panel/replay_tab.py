@@ -6,7 +6,6 @@ from typing import Any
 import viser
 
 from app.simulation import RunFile, run_json
-from app.simulation.bed import DissectionFile
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.result_page import run_name
@@ -24,7 +23,7 @@ STEP = 0.01
 class ReplayTab:
     """The tab of replays."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState[Any, Any]) -> None:
+    def __init__(self, gui: viser.GuiApi, state: ClientState[Any]) -> None:
         self._state = state
         self._time = gui.add_slider(
             "Time (s)", min=0.0, max=1.0, step=STEP, initial_value=0.0, visible=False
@@ -63,7 +62,7 @@ class ReplayTab:
             content = self._open.value.content
             self.replay(lambda: state.read_run(content))
 
-    def replay(self, read: Callable[[], RunFile | DissectionFile]) -> None:
+    def replay(self, read: Callable[[], RunFile]) -> None:
         """Replay a run, or say why that is not possible."""
         start = self._state.start_replay
         self._state.attempt("Making the run again.", lambda: start(read()))

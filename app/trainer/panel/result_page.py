@@ -9,28 +9,30 @@ import viser
 
 from app.simulation import (
     CAREFUL,
+    FEW,
     ApproachBreak,
-    Measures,
+    BedExercise,
+    Metrics,
     Replay,
     RunFile,
+    Session,
     do_exercise,
+    metrics_of,
     run_json,
 )
-from app.simulation.bed import MANNERS, DissectionFile, DissectionMeasures, rehearsed
-from app.trainer.client.client_state import FEW, ClientState
+from app.simulation.bed import MANNERS, rehearsed
+from app.trainer.client.client_state import ClientState
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.pull_state import PullState
 from app.trainer.panel.controls import note, on_click
 from app.trainer.panel.dialog import dialog
-from app.trainer.panel.measures_table import dissection_html, measures_html, outcome_html
+from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_dissection_plots, add_series_plots
 
 __all__ = ["ResultPage", "run_name", "run_title", "show_dissection_result", "show_pull_result"]
 
-FileT = TypeVar("FileT", RunFile, DissectionFile)
-MeasuresT = TypeVar("MeasuresT", Measures, DissectionMeasures)
 StateT = TypeVar("StateT")
-ResultPage = Callable[[StateT, FileT, Callable[[], None], Callable[[], None]], None]
+ResultPage = Callable[[StateT, RunFile, Callable[[], None], Callable[[], None]], None]
 """Opens a run's result page, with what tries its exercise again and what replays it."""
 # Earlier tries shown beside a result.
 TRIES_BESIDE = 2
@@ -41,54 +43,54 @@ _BESIDE = (
 _SLIDERS = "Sliders and keys were allowed in this exercise."
 
 
-def _expert(run: RunFile, state: PullState) -> Measures | None:
+def _expert(run: RunFile, state: PullState) -> Metrics | None:
     """Return the measures of a careful scripted hand in the same exercise; None for free pulls."""
     if run.log.exercise is None:
         return None
     waiting = msgspec.structs.replace(run.log, inputs=[], ticks=0, exercise_inputs="hand")
-    session = Replay(waiting, state.session.duct.dissection.organ, vertices=FEW).session
+    session = Replay(Session, waiting, state.session.duct.dissection.organ).session
     if session.goal is None:
         return None
     do_exercise(session, CAREFUL)
-    return session.measures()
+    return metrics_of(session.measures())
 
 
-def _bed_expert(run: DissectionFile, state: DissectState) -> DissectionMeasures | None:
+def _bed_expert(run: RunFile, state: DissectState) -> Metrics | None:
     """Return the measures of good scripted hands in the same exercise; None for a free one."""
     exercise = run.log.exercise
-    if exercise is None:
+    if not isinstance(exercise, BedExercise):
         return None
     duct = state.replay_of(run, vertices=FEW).session.duct
-    return rehearsed(duct, exercise, MANNERS[exercise.name]["good"])[0]
+    return metrics_of(rehearsed(duct, exercise, MANNERS[exercise.name]["good"])[0])
 
 
-def _beside(tries: Sequence[Any], expert: MeasuresT | None) -> dict[str, MeasuresT]:
+def _beside(tries: Sequence[RunFile], expert: Metrics | None) -> dict[str, Metrics]:
     """Return the runs shown beside a result: the last tries, newest first, and the expert."""
     found = {
-        f"try {number}": each.measures
+        f"try {number}": each.metrics
         for number, each in list(enumerate(tries, 1))[: -TRIES_BESIDE - 1 : -1]
     }
     return found if expert is None else {**found, "expert": expert}
 
 
-def run_title(run: RunFile | DissectionFile) -> str:
+def run_title(run: RunFile) -> str:
     """Return what a run was: its exercise, or a free one."""
     if run.log.exercise is not None:
         return run.log.exercise.title
-    return "Free pull" if isinstance(run, RunFile) else "Free dissection"
+    return "Free dissection" if run.log.start.in_bed else "Free pull"
 
 
-def run_name(run: RunFile | DissectionFile) -> str:
+def run_name(run: RunFile) -> str:
     """Return a name for a run's files: its exercise, or what it was, and the time now."""
     exercise = run.log.exercise
-    free = "pull" if isinstance(run, RunFile) else "dissection"
+    free = "dissection" if run.log.start.in_bed else "pull"
     what = free if exercise is None else exercise.title.lower().replace(" ", "-")
     return f"{what}-{datetime.now():%Y-%m-%d-%H%M%S}"
 
 
 def _open(
-    state: ClientState[Any, FileT],
-    run: FileT,
+    state: ClientState[Any],
+    run: RunFile,
     measures: str,
     add_plots: Callable[[viser.GuiApi], object],
     *,
@@ -135,7 +137,7 @@ def show_pull_result(
     """Open the result page of a pull; replaying the run for its plots takes a while."""
     series, exercise = state.replay_of(run, vertices=FEW).series(), run.log.exercise
     table = measures_html(
-        run.measures,
+        run.metrics,
         _beside(state.session.earlier_tries(run), _expert(run, state)),
         {} if exercise is None else exercise.limits,
         sought_break=isinstance(exercise, ApproachBreak),
@@ -155,14 +157,14 @@ def show_pull_result(
 
 def show_dissection_result(
     state: DissectState,
-    run: DissectionFile,
+    run: RunFile,
     again: Callable[[], object],
     watch: Callable[[], object],
 ) -> None:
     """Open the result page of a dissection; replaying the run for its plots takes a while."""
     series, exercise = state.replay_of(run, vertices=FEW).series(), run.log.exercise
-    table = dissection_html(
-        run.measures,
+    table = measures_html(
+        run.metrics,
         _beside(state.earlier_tries(run), _bed_expert(run, state)),
         {} if exercise is None else exercise.limits,
     )

@@ -18,7 +18,7 @@ class SpreadBox:
     """A checkbox and two factors."""
 
     def __init__(
-        self, gui: viser.GuiApi, state: ClientState[Any, Any], preset: Callable[[], Preset]
+        self, gui: viser.GuiApi, state: ClientState[Any], preset: Callable[[], Preset]
     ) -> None:
         self._state, self._find, self._preset = state, preset, preset()
         spread = state.spread or Spread.of(self._preset)

@@ -7,7 +7,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation.bed import HANDS, BedExercise, BedReading, BedSession
+from app.simulation import BedExercise
+from app.simulation.bed import HANDS, BedReading, BedSession
 from app.trainer.scene.drag_proxy import DragProxy
 from app.trainer.scene.duct_on_stage import DuctOnStage
 from app.trainer.scene.force_arrow import ForceArrow
@@ -132,8 +133,8 @@ class BedScene(DuctOnStage[BedSession]):
 
     def _show_goal(self, stage: Stage) -> None:
         """Mark the stretch that an exercise is about, if that is not the whole duct."""
-        run = self._session.run
-        exercise = None if run.over else run.exercise
+        session = self._session
+        exercise = None if session.run.over else session.exercise
         if exercise is self._goal_of:
             return
         self._goal_of = exercise

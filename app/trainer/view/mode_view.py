@@ -24,7 +24,7 @@ LEAST_PICTURES = 5.0
 NOTICE_SECONDS = 20.0
 
 
-StateT = TypeVar("StateT", bound=ClientState[Any, Any])
+StateT = TypeVar("StateT", bound=ClientState[Any])
 SceneT = TypeVar("SceneT", bound=DuctOnStage[Any])
 ReadingT = TypeVar("ReadingT", Reading, BedReading)
 
@@ -98,7 +98,7 @@ class ModeView(ABC, Generic[StateT, SceneT, ReadingT]):
         """Return the scene."""
 
     @abstractmethod
-    def _make_panel(self) -> ModePanel[Any, Any, Any]:
+    def _make_panel(self) -> ModePanel[Any, Any]:
         """Return the panel."""
 
     def _advance(self, ticks: int) -> bool:

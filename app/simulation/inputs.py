@@ -1,0 +1,139 @@
+"""Inputs: all that drives a session, from a page, a device, a script or a file."""
+
+from array import array
+from typing import Literal, get_args
+
+import msgspec
+
+from app.simulation.clock import TICK_SECONDS
+from physics import Cubic, Exact, Exponential, Theory, theory_named
+from physics.theory import LawName
+
+__all__ = [
+    "HOLDING",
+    "INSTRUMENTS",
+    "MOST_INPUTS",
+    "MOST_TICKS",
+    "Input",
+    "InputKind",
+    "InputLog",
+    "Instrument",
+    "TheoryChoice",
+    "Value",
+]
+
+MOST_TICKS = 2 * 60 * 60 * round(1.0 / TICK_SECONDS)
+"""Two hours of ticks, far beyond any training on one duct."""
+MOST_INPUTS = 200_000
+
+Instrument = Literal["hook", "grasper", "dissector", "swab"]
+"""A hook and a grasper hold the duct; a grasper stays where it is left. A dissector's two jaws and
+a swab part strands without holding it."""
+INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
+HOLDING: tuple[Instrument, ...] = ("hook", "grasper")
+
+InputKind = Literal[
+    "instrument", "grab", "move", "open", "release", "lift", "force", "grasp", "threshold", "theory"
+]
+KINDS: tuple[InputKind, ...] = get_args(InputKind)
+REPLACED: frozenset[InputKind] = frozenset({"move", "open", "lift", "threshold"})
+"""Of these only the last between two ticks has an effect: it replaces the one before."""
+NUMBERS = 3  # at most, of one input
+
+
+class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A theory by its name and options, as `theory_named` takes them."""
+
+    name: str
+    q: float | Literal["fitted"] | None = None  # of the cubic
+    shear: bool = False  # of the exact beam
+    law: LawName | None = None  # of the exact beam
+    stiffening: float | None = None  # of the exponential law
+
+    @classmethod
+    def of(cls, theory: Theory) -> "TheoryChoice":
+        """Return the choice that stands for a theory; raise if it has no name."""
+        if isinstance(theory, Cubic):
+            choice = cls(theory.name, q=theory.q)
+        elif isinstance(theory, Exact):
+            law = theory.law
+            stiffening = law.stiffening if isinstance(law, Exponential) else None
+            choice = cls(theory.name, shear=law.shear, law=law.name, stiffening=stiffening)
+        else:
+            choice = cls(theory.name)
+        if choice.theory() != theory:
+            raise ValueError(f"theory {theory!r} cannot be written into a run")
+        return choice
+
+    def theory(self) -> Theory:
+        """Return the theory."""
+        return theory_named(
+            self.name, q=self.q, shear=self.shear, law=self.law, stiffening=self.stiffening
+        )
+
+
+Value = str | float | tuple[int | float, ...] | TheoryChoice | None
+
+
+class Input(msgspec.Struct, frozen=True, array_like=True):
+    """One input, applied before a tick.
+
+    The value of each kind:
+    "instrument": its name; "grab": the number of the tube and the station on it, mm;
+    "move": (3,) mm of the tip in the duct's frame; "open": mm between the jaws; "release": None;
+    "lift": deflection of the place that is held, mm; "force": N along the pull;
+    "grasp": station at which force or deflection act, mm; "threshold": MPa; "theory": a choice.
+    """
+
+    tick: int  # number of ticks done before it
+    hand: int
+    kind: InputKind
+    value: Value
+
+
+class InputLog:
+    """The inputs of a run in order, kept as bare numbers: half an hour of dragging is a few MB."""
+
+    def __init__(self) -> None:
+        self._ticks, self._keys, self._values = array("L"), array("B"), array("d")
+        self._theories: list[Theory] = []
+
+    def __len__(self) -> int:
+        return len(self._ticks)
+
+    def note(self, tick: int, hand: int, kind: InputKind, *values: float | Theory) -> None:
+        """Append an input; it may replace one of its hand and kind just before, in its tick."""
+        numbers = [each if isinstance(each, int | float) else self._number(each) for each in values]
+        row = array("d", [*numbers, *[0.0] * (NUMBERS - len(numbers))])
+        key = len(KINDS) * hand + KINDS.index(kind)
+        if kind in REPLACED and self._ticks and (self._ticks[-1], self._keys[-1]) == (tick, key):
+            self._values[-NUMBERS:] = row
+            return
+        self._ticks.append(tick)
+        self._keys.append(key)
+        self._values.extend(row)
+
+    def inputs(self) -> list[Input]:
+        """Return the inputs so far."""
+        return [self._input(i) for i in range(len(self))]
+
+    def _input(self, i: int) -> Input:
+        hand, number = divmod(self._keys[i], len(KINDS))
+        kind = KINDS[number]
+        x, y, z = self._values[NUMBERS * i : NUMBERS * (i + 1)]
+        value: Value = x
+        if kind == "release":
+            value = None
+        elif kind == "instrument":
+            value = INSTRUMENTS[int(x)]
+        elif kind == "grab":
+            value = (int(x), y)
+        elif kind == "move":
+            value = (x, y, z)
+        elif kind == "theory":
+            value = TheoryChoice.of(self._theories[int(x)])
+        return Input(self._ticks[i], hand, kind, value)
+
+    def _number(self, theory: Theory) -> float:
+        self._theories.append(theory)
+        return float(len(self._theories) - 1)

@@ -1,0 +1,151 @@
+"""Metrics: each measure of a run, with its name, unit and meaning (docs/measures.md)."""
+
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+
+__all__ = ["DISTANCE_TO_BREAK", "METRICS", "Metric", "Metrics", "metrics_of"]
+
+Metrics = dict[str, Any]
+"""The metrics of a run by key: a number, a list of one of each hand, or what is known of the tear;
+None where the run gives none."""
+DISTANCE_TO_BREAK = "smallest_distance_to_break"
+
+
+class Metric(NamedTuple):
+    """One measure: its factor and unit as shown, which of two is better, and what it means."""
+
+    key: str
+    title: str
+    unit: str
+    better: Literal["lower", "higher", ""]
+    meaning: str
+    factor: float = 1.0
+    by_hand: str = ""  # of what there is one for each hand, the title with hands
+
+    def name(self, metrics: Metrics) -> str:
+        """Return its title in a run."""
+        if isinstance(metrics[self.key], list):
+            return self.by_hand
+        return self.title.format(**metrics)
+
+
+METRICS = (
+    Metric("time_s", "Time", "s", "lower", "Length of the run, from the first input to its end."),
+    Metric("freed_mm", "Freed", "mm", "higher", "Length of duct whose strands have broken."),
+    Metric(
+        "longest_freed_stretch_mm", "Longest freed stretch", "mm", "higher",
+        "The longest part of the duct that is free throughout.",
+    ),
+    Metric("strands", "Strands at the start", "", "", "Strands that held the duct."),
+    Metric(
+        "strands_broken", "Strands broken", "", "", "Strands that have broken, of all that held.",
+    ),
+    Metric(
+        "strands_broken_by_hand", "By the hand", "", "",
+        "To which hand those strands are put down.", by_hand="By the left / right hand",
+    ),
+    Metric(
+        "strands_broken_by_instrument", "Broken by jaws or swab", "", "",
+        "Strands that a jaw or a swab touched as they broke.",
+    ),
+    Metric(
+        "strands_broken_out_of_sight", "Broken out of sight", "", "lower",
+        "Strands that broke where neither the picture nor an instrument near by shows them.",
+    ),
+    Metric(
+        "peak_stress_ratio", "Peak stress", "% of break", "lower",
+        "The highest stress in the wall by the threshold: 100 % tears.", 100.0,
+    ),
+    Metric(
+        "peak_stress_station_mm", "Its place", "mm", "",
+        "Where the wall had its highest stress, from the first clamp.",
+    ),
+    Metric(
+        "shortest_time_to_break_s", "Shortest time to break", "s", "higher",
+        "How long the duct would have lasted at its fastest loading, over a tenth of a second: "
+        "whoever leaves less than a reaction time cannot stop.",
+    ),
+    Metric(
+        "time_above_half_s", "Time above half of the break", "s", "lower",
+        "Time with a stress above half of the threshold.",
+    ),
+    Metric(
+        "work_mJ", "Work", "mJ", "lower", "What each hand has put into duct and tissue.",
+        by_hand="Work of the left / right hand",
+    ),
+    Metric(
+        "strand_energy_mJ", "Energy into strands", "mJ", "", "What breaking the strands has taken.",
+    ),
+    Metric(
+        "duct_energy_mJ", "Energy in the duct", "mJ", "lower",
+        "The most that the stretched and bent duct has held at once.",
+    ),
+    Metric(
+        "economy_of_work", "Economy of work", "", "higher",
+        "Energy into strands by the work of both hands: 1 would spare the duct wholly.",
+    ),
+    Metric(
+        "maximum_force_N", "Maximum force", "N", "lower", "Largest force of a hand.",
+        by_hand="Maximum force, left / right",
+    ),
+    Metric(
+        "mean_absolute_nonzero_force_N", "Mean absolute non-zero force", "N", "lower",
+        "Mean of the force over the time in which there was any.",
+    ),
+    Metric(
+        "force_sd_N", "Its standard deviation", "N", "lower",
+        "How much the force varied over the same time.",
+    ),
+    Metric(
+        "maximum_loading_rate_N_per_s", "Maximum rate of loading", "N/s", "lower",
+        "Fastest growth of the force, over a tenth of a second.",
+    ),
+    Metric(
+        "overshoot", "Overshoot", "%", "lower",
+        "How far the duct was pulled past the goal, by the deflection in the goal's middle.", 100.0,
+    ),
+    Metric(
+        "maximum_instrument_force_N", "Maximum force of jaws or swab", "N", "lower",
+        "Largest force on a jaw or a swab.",
+    ),
+    Metric(
+        "force_time_product_N_s", "Force-time product", "N s", "lower",
+        "Sum of the force over time, also called impulse. It rewards haste: read it with the "
+        "rate of loading.", by_hand="Force-time product, left / right",
+    ),
+    Metric(
+        "time_over_threshold_s", "Time over {task_threshold_N:.3g} N", "s", "lower",
+        "Time over threshold: with more force than the task threshold, which is the exercise's "
+        "limit of force, or half the force at break.",
+    ),
+    Metric(
+        "path_length_mm", "Path length", "mm", "lower", "Path of the hook while it held the duct.",
+    ),
+    Metric(
+        "economy_of_motion", "Economy of motion", "", "higher",
+        "Farthest distance of the hook from where it took hold, over its path: 1 for one "
+        "straight pull.",
+    ),
+    Metric(
+        "smoothness", "Smoothness", "", "higher",
+        "Log dimensionless jerk of the hook: the nearer to zero, the smoother; -5.3 is the "
+        "smoothest reach there is. Given only of a run with a whole movement, half a second or "
+        "longer, that has come to rest.",
+    ),
+    Metric(
+        "traction_angle_deg", "Angle of traction", "°", "lower",
+        "Mean angle between the pull on the duct and straight off the bed, weighted by force.",
+    ),
+    Metric(
+        DISTANCE_TO_BREAK, "Smallest distance to break", "%", "higher",
+        "How near the duct came to its break: 0 % is the break.", 100.0,
+    ),
+)  # fmt: skip
+"""All measures but the tear and the task threshold, in the order in which they are shown."""
+
+
+def metrics_of(measures: msgspec.Struct) -> Metrics:
+    """Return measures by key."""
+    # As a file has them: pairs are lists.
+    return msgspec.json.decode(msgspec.json.encode(measures))
