@@ -2,6 +2,7 @@
 
 from physics.bed.beam_on_bed import BeamOnBed
 from physics.bed.bed import Bed, Patch
+from physics.bed.network import Join, Network
 from physics.bed.pull import Hand, History, Rod, pull, step_places
 from physics.bed.readings import EnergyBalance, WorstStress
 from physics.bed.space_beam import End, SpaceBeam
@@ -14,6 +15,8 @@ __all__ = [
     "EnergyBalance",
     "Hand",
     "History",
+    "Join",
+    "Network",
     "Patch",
     "Rod",
     "SpaceBeam",

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from kernel_cache import SameTypes
 from physics.bed import kernels, quasi_static
-from physics.bed.layout import Rest, state_of
+from physics.bed.layout import Coupling, Rest, state_of
+from physics.bed.network import Network
 from physics.bed.readings import Readings
 from physics.bed.space_beam import SpaceBeam
 from physics.bed.strands import Strands
@@ -32,7 +33,9 @@ EVERYWHERE = (True, True, True)
 
 
 class BeamOnBed(Readings):
-    """A beam in space on strands, in its last state, from which the next one is found.
+    """A beam in space, or a network of them, on strands, in its last state.
+
+    The next one is found from it.
 
     Hooks hold nodes: by displacement (`take`, `lead`), through a spring (`take` with a stiffness)
     or by a force (`push`). Rods push strands aside (`set_rod`). These calls set targets; the next
@@ -42,11 +45,12 @@ class BeamOnBed(Readings):
     Parameters
     ----------
     beam
-        The beam at rest.
+        The beam at rest, or a network of tubes.
     strands
-        Its strands, if it has any.
+        Strands to the bed and between tubes, if there are any.
     floor
-        (N,) stiffness with which the bed pushes back nodes that lie deeper than at rest, N/mm.
+        (N,) stiffness with which the bed pushes back nodes that lie deeper than at rest, N/mm; of a
+        network one row for each tube.
     rods
         How many rods there may be.
     plane
@@ -54,35 +58,49 @@ class BeamOnBed(Readings):
     retrace
         Whether real-time ticks whose energy the trapezoidal rule leaves open are followed along
         their way in shorter parts, some milliseconds in the worst of them. What moves is the same.
+    coupling
+        How strands between tubes are coupled in real time; see `layout.Coupling`.
     out
         Arrays for the state, as `layout.shapes` gives them; new ones when None.
     """
 
     def __init__(
         self,
-        beam: SpaceBeam,
+        beam: SpaceBeam | Network,
         strands: Strands | None = None,
         *,
-        floor: Floats | None = None,
+        floor: Floats | Sequence[Floats] | None = None,
         rods: int = 0,
         plane: bool = False,
         retrace: bool = False,
+        coupling: Coupling = "exact",
         out: kernels.State | None = None,
     ) -> None:
-        rest = Rest.of(beam, Strands.none() if strands is None else strands, plane=plane)
+        network = beam if isinstance(beam, Network) else Network({"beam": beam})
+        rest = Rest.of(
+            network,
+            Strands.none() if strands is None else strands,
+            plane=plane,
+            coupling=coupling,
+        )
+        if isinstance(floor, np.ndarray):
+            floor = [floor]
         super().__init__(rest, state_of(rest, floor=floor, rods=rods, retrace=retrace, out=out))
+        self._coupling = coupling
         self._gross = 0.0  # sizes of all works, mJ
 
     # Hands
 
-    def node_at(self, station: float) -> int:
-        """Return the node nearest a station that no other hook holds."""
+    def node_at(self, station: float, tube: str | None = None) -> int:
+        """Return the node of a tube nearest a station that no other hook holds."""
+        which = self._rest.tube(tube)
         s = finite(station, "a hook's place", "mm")
-        if not 0.0 <= s <= self.beam.span:
+        span = self.network.tubes[which.name].span
+        if not 0.0 <= s <= span:
             raise ValueError(
-                f"a hook at {s:g} mm is not on the beam, which runs from 0 to {self.beam.span:g} mm"
+                f"a hook at {s:g} mm is not on the beam, which runs from 0 to {span:g} mm"
             )
-        node = int(np.argmin(np.abs(self.stations - s)))
+        node = int(which.nodes[np.argmin(np.abs(which.stations - s))])
         if self._rest.held[node] & 7 == 7:
             raise ValueError(f"a hook at {s:g} mm is behind a clamp or on a pin: it holds already")
         if self.held[node]:
@@ -102,23 +120,25 @@ class BeamOnBed(Readings):
     def take(
         self,
         station: float,
+        tube: str | None = None,
         *,
         stiffness: float = math.inf,
         along: tuple[bool, bool, bool] = EVERYWHERE,
     ) -> int:
-        """Take hold of the beam where it now is, by displacement."""
-        # An inner node moves to the station, along the axis as it lies and at rest: a hook inside
-        # an element would stiffen the beam, by 2.3 % in force at 40 elements. A finite `stiffness`,
-        # N/mm, is that of a spring between hand and beam; the beam slides along the axes not in
-        # `along`.
-        node = self.node_at(station)
+        """Take hold of a tube where it now is, by displacement; return the node that is held."""
+        # An inner node that is no joint moves to the station, along the axis as it lies and at
+        # rest: a hook inside an element would stiffen the beam, by 2.3 % in force at 40 elements.
+        # A finite `stiffness`, N/mm, is that of a spring between hand and beam; the beam slides
+        # along the axes not in `along`.
+        node, which = self.node_at(station, tube), self._rest.tube(tube)
         if not stiffness > 0.0:
             raise ValueError(f"a hand's spring must be above 0 N/mm, got {stiffness}")
         self._account()
         s = self.state
-        inner = 0 < node < self.stations.size - 1
-        if inner and abs(self.stations[node] - station) > 1e-9 * self.beam.span:
-            self._rest.move_node(s, node, station)
+        k = int(np.flatnonzero(which.nodes == node)[0])
+        inner = 0 < k < which.nodes.size - 1 and not self._rest.is_joint(node)
+        if inner and abs(which.stations[k] - station) > 1e-9 * self.network.tubes[which.name].span:
+            self._rest.move_node(s, which, k, station)
             # The discrete energy changes slightly with the nodes: that is residual, no work.
             self._changed()
         s.goal[node] = s.goal_from[node] = s.goal_to[node] = s.x[node]
@@ -179,29 +199,32 @@ class BeamOnBed(Readings):
         self.state.side[rod] = kernels.NO_CONTACT
         self.state.sums[kernels.SNAP] -= self._changed()
 
-    def break_between(self, from_mm: float, to_mm: float) -> None:
-        """Part the strands of a stretch beforehand, with no work; its beam is at rest."""
-        at = self.strands.stations[self.order]
-        self.state.damage[(at >= from_mm) & (at <= to_mm)] = 1.0
+    def break_between(self, from_mm: float, to_mm: float, tube: str | None = None) -> None:
+        """Part the strands that hold a stretch, beforehand, with no work; all is at rest."""
+        at, number = self.strands.stations, self._rest.tubes.index(self._rest.tube(tube))
+        parted = (at >= from_mm) & (at <= to_mm) & (self.strands.tubes == number)
+        self.state.damage[parted[self.order]] = 1.0
         self.state.sums[kernels.AHEAD] = 0.0
 
-    def tear(self, station: float) -> int:
-        """Take all stiffness from the element at a station; return its number, from 0."""
+    def tear(self, station: float, tube: str | None = None) -> int:
+        """Take all stiffness from a tube's element at a station; return its number, from 0."""
         # At a node, of the two elements the one under the larger stress there. Both pieces go on
         # hanging on their strands and hooks; the element's energy is booked as released.
+        which = self._rest.tube(tube)
         s = finite(station, "the place of a tear", "mm")
-        if not 0.0 <= s <= self.beam.span:
+        span = self.network.tubes[which.name].span
+        if not 0.0 <= s <= span:
             raise ValueError(
-                f"a tear at {s:g} mm is not on the beam, which runs from 0 to {self.beam.span:g} mm"
+                f"a tear at {s:g} mm is not on the beam, which runs from 0 to {span:g} mm"
             )
         self._account()
-        x = self.stations
+        x, first = which.stations, which.elements.start
         element = min(int(np.searchsorted(x, s, side="right")) - 1, x.size - 2)
         if element > 0 and s == x[element]:
             moment = np.sqrt((self.state.section[:, [4, 5, 7, 8]] ** 2).sum(axis=1))
-            if moment[element - 1] > moment[element]:
+            if moment[first + element - 1] > moment[first + element]:
                 element -= 1
-        self._rest.stiffness[element] = 0.0
+        self._rest.stiffness[first + element] = 0.0
         self._rest.write(self.state)
         self.state.sums[kernels.SNAP] -= self._changed()
         return element
@@ -221,8 +244,10 @@ class BeamOnBed(Readings):
 
     def advance(self) -> None:
         """Advance to the hands' targets through equilibria, independent of any rate."""
+        if self._coupling != "exact":
+            raise ValueError("an equilibrium needs strands between tubes that are coupled exactly")
         self._account()
-        span = self.beam.span
+        span = self.network.span
         self._gross = quasi_static.advance(
             self.state,
             gross=self._gross,

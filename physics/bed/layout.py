@@ -1,24 +1,29 @@
-"""The arrays of a beam on its bed: how large they are, where they are made, what they hold at rest.
+"""The arrays of a network on its bed: how large they are, where they are made, what they hold.
 
 `state_of(..., out=)` writes into arrays that are there already, such as the rows of a batch of
 beds, each array of which has one axis more; `shapes` says how large they must be.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physics.bed import kernels
-from physics.bed.space_beam import HELD, SpaceBeam, tangents
+from physics.bed.network import Elimination, Network
+from physics.bed.space_beam import HELD, tangents
 from physics.bed.strands import Strands
 
-__all__ = ["REACH_OF_RODS", "Rest", "shapes", "state_of"]
+__all__ = ["REACH_OF_RODS", "Coupling", "Rest", "Tube", "shapes", "state_of"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Shapes = dict[str, tuple[tuple[int, ...], type[np.generic]]]
+Coupling = Literal["exact", "lagged"]
+"""How strands between tubes are coupled in real time: by a block for each pair of nodes, or not
+at all, so that either node moves as if the other stood still."""
 
 REACH_OF_RODS = 12.0
 """How far from the beam's surface and the rod's a strand may still touch the rod, mm."""
@@ -27,65 +32,167 @@ IN_PLANE = 2 + 8 + 32
 # Part of an element's shear flexibility that stands for bending within it, from which on it is
 # stretched along its chord.
 THIN = 0.5
-WHOLE_NUMBERS = ("held", "parent", "child", "sibling", "ends", "first", "side", "side_before")
+WHOLE_NUMBERS = (
+    "held", "first_block", "blocks", "product", "ends", "first", "pair", "side", "side_before",
+)  # fmt: skip
 """Names of a state's arrays of whole numbers."""
 
 
 @dataclass(slots=True, eq=False)
-class Rest:
-    """A beam at rest as its state has it: hooks move inner nodes along it, tears soften elements.
+class Tube:
+    """A tube of a network as the state has it."""
 
-    Strands are sorted by their nodes.
+    name: str
+    nodes: Ints  # (n,) numbers of its nodes, along it
+    stations: Floats  # (n,) where they are on it, mm; hooks move inner ones
+    elements: slice  # of all elements, along it
+    joined: tuple[bool, bool]  # whether its ends join another tube
+
+
+@dataclass(slots=True, eq=False)
+class Rest:
+    """A network at rest as its state has it: hooks move nodes along tubes, tears soften elements.
+
+    Strands are sorted by their nodes, those between two tubes after all others.
     """
 
-    beam: SpaceBeam
+    network: Network
     strands: Strands
-    stations: Floats  # (N,) of the nodes, mm
+    tubes: list[Tube]
+    elimination: Elimination
+    stations: Floats  # (N,) of the nodes on the first tube that has them, mm
     x: Floats  # (N, 3) mm
     q: Floats  # (N, 4)
-    stiffness: Floats  # (N - 1, 6) of the elements' sections, N and N mm^2
+    radius: Floats  # (N,) mm
+    stiffness: Floats  # (E, 6) of the elements' sections, N and N mm^2
+    wall: Floats | None  # (E, 2, 3) areas, mm^2, and section moduli, mm^3, at the elements' ends
+    # (E, WALL_ROWS), (E, 2, WALL_ROWS) what `kernels.wall` needs of the elements and of their ends
+    fibres: tuple[Floats, Floats] | None
+    ends: Ints  # (E, 2) nodes of the elements
+    turn: Floats  # (E, 2, 4) from the nodes' frames to the elements' at their ends
     held: Ints  # (N,) bits of what ends and the plane hold
-    nodes: NDArray[np.intp]  # (S,) the strands' nodes, in order
+    nodes: Ints  # (S,) the strands' nodes, in order
+    others: Ints  # (S,) the nodes that their feet are on, -1 for the bed
+    pairs: Ints  # (G, 4) as in the state
     order: NDArray[np.intp]  # (S,) their numbers in `strands`
 
     @classmethod
-    def of(cls, beam: SpaceBeam, strands: Strands, *, plane: bool = False) -> "Rest":
-        """Return a beam and its strands at rest."""
-        if strands.count and not (
-            strands.stations.min() >= -1e-9 and strands.stations.max() <= beam.span * (1 + 1e-9)
-        ):
-            raise ValueError(
-                f"strands must hold the beam from 0 to {beam.span:g} mm, got "
-                f"{strands.stations.min():g} to {strands.stations.max():g} mm"
+    def of(
+        cls,
+        network: Network,
+        strands: Strands,
+        *,
+        plane: bool = False,
+        coupling: Coupling = "exact",
+    ) -> "Rest":
+        """Return a network and its strands at rest."""
+        numbered = network.numbered()
+        beams = list(network.tubes.values())
+        count = max(int(each.max()) for each in numbered) + 1
+        ends = np.concatenate([np.stack([each[:-1], each[1:]], axis=1) for each in numbered])
+        if len({tuple(sorted(each)) for each in ends.tolist()}) < len(ends):
+            raise ValueError("two tubes join the same two neighbouring nodes: give more elements")
+        node, other = _strand_nodes(network, numbered, strands)
+        apart = other >= 0
+        if np.any(node[apart] == other[apart]):
+            raise ValueError("a strand must join two nodes, got one with both ends at a joint")
+        between = {
+            (min(i, j), max(i, j))
+            for i, j in zip(node[apart].tolist(), other[apart].tolist(), strict=True)
+        }
+        near = {(min(i, j), max(i, j)) for i, j in ends.tolist()}
+        order = Elimination.of(count, near | between if coupling == "exact" else near)
+        at = np.empty(count, dtype=np.int64)
+        at[order.order] = np.arange(count)
+        node, other = at[node], np.where(apart, at[other], -1)
+        nodes = [at[each] for each in numbered]
+        x, q = np.empty((count, 3)), np.empty((count, 4))
+        stations, radius = np.empty(count), np.empty(count)
+        held = np.zeros(count, dtype=np.int64)
+        tubes: list[Tube] = []
+        turns: list[Floats] = []
+        stiffness: list[Floats] = []
+        first = 0
+        joined = {(join.tube, join.end): join for join in network.joins}
+        for name, beam, mine in zip(network.tubes, beams, nodes, strict=True):
+            joins = joined.get((name, 0)), joined.get((name, 1))
+            own = slice(int(joins[0] is not None), mine.size - int(joins[1] is not None))
+            x[mine[own]], q[mine[own]] = beam.places[own], beam.rotations[own]
+            stations[mine[own]], radius[mine[own]] = beam.stations[own], beam.radius[own]
+            elements = mine.size - 1
+            turn = np.zeros((elements, 2, 4))
+            turn[..., 0] = 1.0
+            stiff = beam.stiffness.copy()
+            for end, join in enumerate(joins):
+                if join is None:
+                    held[mine[-end]] = HELD[beam.ends[end]]
+                else:
+                    turn[-end, end] = _relative(q[mine[-end]], beam.rotations[-end])
+                    stiff[-end] *= join.stiffness
+            along = stations if len(beams) == 1 else beam.stations.copy()
+            tubes.append(
+                Tube(
+                    name,
+                    mine,
+                    along,
+                    slice(first, first + elements),
+                    (joins[0] is not None, joins[1] is not None),
+                )
             )
-        stations = beam.stations.copy()
-        middles = 0.5 * (stations[1:] + stations[:-1])
-        node = np.searchsorted(middles, strands.stations)
-        # Half-way between two nodes the even one has it, whose arms are then alike on both sides.
-        after = np.searchsorted(middles, strands.stations + 1e-9 * beam.span)
-        before = np.searchsorted(middles, strands.stations - 1e-9 * beam.span)
-        node = np.where(after == before, node, after - after % 2)
-        order = np.argsort(node, kind="stable")
-        held = np.zeros(stations.size, dtype=np.int64)
-        held[0], held[-1] = HELD[beam.ends[0]], HELD[beam.ends[1]]
+            turns.append(turn)
+            stiffness.append(stiff)
+            first += elements
         if plane:
             held |= IN_PLANE
+        walls = [None if each.wall is None else _at_ends(each.wall) for each in beams]
+        fibres = [each.fibres for each in beams if each.fibres is not None]
+        group, pairs = _pairs(node, other, order)
+        sort = np.argsort(group, kind="stable")
         return cls(
-            beam,
+            network,
             strands,
-            stations,
-            beam.places.copy(),
-            beam.rotations.copy(),
-            beam.stiffness.copy(),
-            held,
-            node[order],
+            tubes,
             order,
+            stations,
+            x,
+            q,
+            radius,
+            np.concatenate(stiffness),
+            None
+            if any(each is None for each in walls)
+            else np.concatenate([each for each in walls if each is not None]),
+            (
+                np.concatenate([each[0] for each in fibres]),
+                np.concatenate([_at_ends(each[1]) for each in fibres]),
+            )
+            if fibres
+            else None,
+            np.concatenate([np.stack([each[:-1], each[1:]], axis=1) for each in nodes]),
+            np.concatenate(turns),
+            held,
+            node[sort],
+            other[sort],
+            pairs,
+            sort,
         )
+
+    def tube(self, name: str | None) -> Tube:
+        """Return a tube by its name, the first one if None."""
+        for each in self.tubes:
+            if name is None or each.name == name:
+                return each
+        names = ", ".join(each.name for each in self.tubes)
+        raise ValueError(f"there is no tube {name!r}: {names}")
+
+    def is_joint(self, node: int) -> bool:
+        """Return whether tubes join at a node."""
+        return sum(int((each.nodes == node).any()) for each in self.tubes) > 1
 
     def write(self, s: kernels.State) -> None:
         """Write what follows from the nodes' places at rest: strains, stiffnesses, arms."""
-        s.h[:] = np.diff(self.stations)
-        kernels.set_rest(self.x, self.q, s.ends, s.h, s.strain)
+        for tube in self.tubes:
+            s.h[tube.elements] = np.diff(tube.stations)
+        kernels.set_rest(self.x, self.q, s.ends, s.turn, s.h, s.strain)
         s.floor[:, 1] = self.x[:, 2]
         s.stiff[:] = self.stiffness
         s.chord[:] = 0.0
@@ -98,7 +205,7 @@ class Rest:
             s.stiff[whole, shear] = 1.0 / (1.0 / self.stiffness[whole, shear] + within)
             inner = s.stiff[whole, shear] * within
             s.chord[whole, shear - 1] = np.where(inner > THIN, inner * inner, 0.0)
-        if self.beam.fibres is not None:
+        if self.fibres is not None:
             # Their length is the chord's in all elements: else stiffening fibres would gain by what
             # is left out of their shear.
             for column, shear in ((kernels.SOFT_2, 1), (kernels.SOFT_3, 2)):
@@ -106,41 +213,59 @@ class Rest:
                 s.wall[:, column] = 0.0
                 s.wall[whole, column], s.chord[whole, shear - 1] = soft, 1.0 - soft
             s.wall[~whole, kernels.STRENGTH] = 0.0
-        kernels.set_arms(self.x, self.q, self.nodes, self.strands.ends[self.order], s.strand)
+        strands = self.strands
+        kernels.set_arms(
+            self.x, self.q, self.nodes, strands.ends[self.order], s.strand, kernels.ARM_X
+        )
+        kernels.set_arms(
+            self.x, self.q, self.others, strands.feet[self.order], s.strand, kernels.FOOT_X
+        )
 
-    def move_node(self, s: kernels.State, node: int, station: float) -> None:
-        """Move an inner node to a station, along the axis as it lies and at rest."""
-        old = self.stations
-        neighbour = node + 1 if station > old[node] else node - 1
-        fraction = (station - old[node]) / (old[neighbour] - old[node])
+    def move_node(self, s: kernels.State, tube: Tube, k: int, station: float) -> None:
+        """Move an inner node of a tube, the k-th, to a station, along the axis at rest and now."""
+        old, node = tube.stations, tube.nodes[k]
+        after = k + 1 if station > old[k] else k - 1
+        neighbour = tube.nodes[after]
+        distance = abs(old[after] - old[k])
+        fraction = (station - old[k]) / (old[after] - old[k])
+        sign = 1.0 if after > k else -1.0
         for x, q in ((s.x, s.q), (self.x, self.q)):
-            x[node] = _between(x, q, old, node, neighbour, fraction)
-            turned = q[neighbour] if (q[neighbour] * q[node]).sum() >= 0.0 else -q[neighbour]
+            near = self._rotations(q, tube, k, after)
+            x[node] = _between(x[[node, neighbour]], sign * distance * tangents(near), fraction)
+            turned = near[1] if (near[1] * q[node]).sum() >= 0.0 else -near[1]
             q[node] += fraction * (turned - q[node])
             q[node] /= np.sqrt((q[node] ** 2).sum())
-        old[node] = station
+        self.stations[node] = old[k] = station
         self.write(s)
+
+    def _rotations(self, q: Floats, tube: Tube, k: int, after: int) -> Floats:
+        """Return the (2, 4) rotations of a tube's k-th node and of a neighbour, as the tube's."""
+        element, end = tube.elements.start + min(k, after), int(after > k)
+        return np.stack([q[tube.nodes[k]], _times(q[tube.nodes[after]], self.turn[element, end])])
 
 
 def shapes(rest: Rest, rods: int = 0) -> Shapes:
     """Return shape and type of each of a state's arrays, by its name."""
-    nodes, count = rest.stations.size, rest.strands.count
-    elements = nodes - 1
-    solid = 0 if rest.beam.fibres is None else elements
-    three, six, blocks = (nodes, 3), (nodes, 6), (nodes, 6, 6)
+    nodes, count, elements = rest.stations.size, rest.strands.count, len(rest.ends)
+    solid = 0 if rest.fibres is None else elements
+    three, six, diagonal = (nodes, 3), (nodes, 6), (nodes, 6, 6)
+    block = (rest.elimination.columns.size, 6, 6)
     swept, touched, at_rods = (rods, kernels.ROD_ROWS), (rods, count), (rods, 3)
     sizes: dict[str, tuple[int, ...]] = {
         "x": three, "q": (nodes, 4), "goal": three, "held": (nodes,), "load": three,
-        "spring": three, "parent": (nodes,), "child": (nodes,), "sibling": (nodes,),
-        "ends": (elements, 2), "h": (elements,), "stiff": (elements, 6), "strain": (elements, 6),
+        "spring": three, "first_block": (2, nodes + 1), "blocks": (3, block[0]),
+        "product": rest.elimination.products.shape, "ends": (elements, 4),
+        "turn": (elements, 2, 4), "h": (elements,), "stiff": (elements, 6), "strain": (elements, 6),
         "chord": (elements, 2), "wall": (solid, kernels.WALL_ROWS), "strained": (solid, 4),
-        "first": (nodes + 1,), "strand": (kernels.STRAND_ROWS, count), "damage": (count,),
+        "first": (nodes + len(rest.pairs) + 1,), "pair": rest.pairs.shape,
+        "strand": (kernels.STRAND_ROWS, count), "damage": (count,),
         "floor": (nodes, 2), "thick": three, "rods": swept, "side": touched, "pull": at_rods,
         "press": at_rods, "section": (elements, 11),
         "fibres": (kernels.FIBRE_ROWS, kernels.FIBRES * solid), "g": six, "step": six,
-        "diagonal": blocks, "upper": blocks, "diagonal_kept": blocks, "upper_kept": blocks,
+        "diagonal": diagonal, "block": block, "diagonal_kept": diagonal, "block_kept": block,
         "x_kept": three, "q_kept": (nodes, 4), "goal_from": three, "goal_to": three,
         "load_from": three, "load_to": three, "rods_from": swept, "rods_to": swept, "hold": six,
+        "cross": (6, 6),
         "react": three, "damage_correction": six, "rods_damage_correction": at_rods, "moved": six,
         "g_before": six, "load_before": three, "pull_before": at_rods, "g_middle": six,
         "pull_middle": at_rods, "damage_before": (count,), "side_before": touched,
@@ -155,19 +280,20 @@ def shapes(rest: Rest, rods: int = 0) -> Shapes:
 def state_of(
     rest: Rest,
     *,
-    floor: Floats | None = None,
+    floor: Sequence[Floats] | None = None,
     rods: int = 0,
     retrace: bool = False,
     out: kernels.State | None = None,
 ) -> kernels.State:
-    """Return the state of a beam at rest on its bed.
+    """Return the state of a network at rest on its bed.
 
     Parameters
     ----------
     rest
-        The beam and its strands.
+        The network and its strands.
     floor
-        (N,) stiffness with which the bed pushes back nodes that lie deeper than at rest, N/mm.
+        Of each tube the (n,) stiffnesses with which the bed pushes back nodes that lie deeper than
+        at rest, N/mm.
     rods
         How many rods there may be.
     retrace
@@ -187,21 +313,26 @@ def state_of(
         s = out
         for each in s:
             each[...] = 0
-    nodes, beam = np.arange(rest.stations.size), rest.beam
     for each in (s.x, s.goal, s.goal_from, s.goal_to):
         each[:] = rest.x
     s.q[:] = rest.q
     s.held[:] = rest.held
-    # One branch: each node's parent is the next one.
-    s.parent[:-1], s.parent[-1] = nodes[1:], -1
-    s.child[:] = nodes - 1
-    s.sibling[:] = -1
-    s.ends[:, 0], s.ends[:, 1] = nodes[:-1], nodes[1:]
-    if beam.fibres is not None:
-        s.wall[:] = beam.fibres[0]
+    order = rest.elimination
+    s.first_block[0], s.blocks[1], s.product[:] = order.first, order.columns, order.products
+    s.blocks[0] = np.repeat(np.arange(rest.stations.size), np.diff(order.first))
+    s.blocks[2] = np.argsort(order.columns, kind="stable")
+    s.first_block[1] = np.searchsorted(np.sort(order.columns), np.arange(order.first.size))
+    s.ends[:, :2], s.turn[:], s.pair[:] = rest.ends, rest.turn, rest.pairs
+    s.ends[:, 2:] = [[order.block(i, j), i > j] for i, j in rest.ends.tolist()]
+    if rest.fibres is not None:
+        s.wall[:] = rest.fibres[0]
     s.fibres[:] = 1.0
-    s.first[:] = np.searchsorted(rest.nodes, np.arange(nodes.size + 1))
-    strands, order = rest.strands, rest.order
+    nodes, strands = rest.stations.size, rest.strands
+    bed = rest.others < 0
+    s.first[: nodes + 1] = np.searchsorted(rest.nodes[bed], np.arange(nodes + 1))
+    ties = np.stack([rest.nodes[~bed], rest.others[~bed]], axis=1)
+    for g, pair in enumerate(rest.pairs[:, :2]):
+        s.first[nodes + g + 1] = s.first[nodes + g] + int((ties == pair).all(axis=1).sum())
     for row, values in (
         (kernels.STIFF, strands.stiffness),
         (kernels.LENGTH, strands.length),
@@ -209,35 +340,94 @@ def state_of(
         (kernels.FAILURE, strands.failure_elongation),
         (kernels.BILATERAL, strands.bilateral),
     ):
-        s.strand[row] = values[order]
-    s.strand[kernels.FOOT_X : kernels.FOOT_Z + 1] = strands.feet[order].T
+        s.strand[row] = values[rest.order]
     if floor is not None:
-        s.floor[:, 0] = floor
-    widths = np.zeros(nodes.size)
-    widths[:-1] += 0.5 * np.diff(rest.stations)
-    widths[1:] += 0.5 * np.diff(rest.stations)
-    s.thick[:, 0], s.thick[:, 1], s.thick[:, 2] = (
-        beam.radius,
-        kernels.CONTACT_STIFFNESS * widths,
-        REACH_OF_RODS,
-    )
+        for tube, each in zip(rest.tubes, floor, strict=True):
+            s.floor[tube.nodes, 0] += each
+    s.thick[:, 0], s.thick[:, 2] = rest.radius, REACH_OF_RODS
+    for tube in rest.tubes:
+        widths = np.zeros(tube.nodes.size)
+        widths[:-1] += 0.5 * np.diff(tube.stations)
+        widths[1:] += 0.5 * np.diff(tube.stations)
+        s.thick[tube.nodes, 1] += kernels.CONTACT_STIFFNESS * widths
     s.side[:] = kernels.NO_CONTACT
     s.sums[kernels.RETRACED] = retrace
     rest.write(s)
     return s
 
 
-def _between(
-    x: Floats, q: Floats, stations: Floats, node: int, neighbour: int, fraction: float
-) -> Floats:
-    """Return a place between two nodes on the cubic curve along both their frames."""
-    distance = abs(stations[neighbour] - stations[node])
-    sign = 1.0 if neighbour > node else -1.0
-    first, second = sign * distance * tangents(q[[node, neighbour]])
-    u = fraction
+def _strand_nodes(network: Network, numbered: list[Ints], strands: Strands) -> tuple[Ints, Ints]:
+    """Return the nodes that strands hold, and those that their feet are on, -1 for the bed."""
+    node, other = np.zeros(strands.count, np.int64), np.full(strands.count, -1)
+    for each, name in ((strands.tubes, "tubes"), (strands.to, "to")):
+        if each.size and each.max() >= len(numbered):
+            raise ValueError(
+                f"{name} of strands must be below {len(numbered)}, the tubes there are"
+            )
+    for number, (beam, nodes) in enumerate(zip(network.tubes.values(), numbered, strict=True)):
+        middles = 0.5 * (beam.stations[1:] + beam.stations[:-1])
+        for out, tubes, stations in (
+            (node, strands.tubes, strands.stations),
+            (other, strands.to, strands.to_stations),
+        ):
+            here = tubes == number
+            at = stations[here]
+            if at.size and not (at.min() >= -1e-9 and at.max() <= beam.span * (1 + 1e-9)):
+                raise ValueError(
+                    f"strands must hold the beam from 0 to {beam.span:g} mm, got "
+                    f"{at.min():g} to {at.max():g} mm"
+                )
+            # Half-way between two nodes the even one has it, whose arms are then alike on both
+            # sides.
+            found = np.searchsorted(middles, at)
+            after = np.searchsorted(middles, at + 1e-9 * beam.span)
+            before = np.searchsorted(middles, at - 1e-9 * beam.span)
+            out[here] = nodes[np.where(after == before, found, after - after % 2)]
+    return node, other
+
+
+def _pairs(node: Ints, other: Ints, order: Elimination) -> tuple[Ints, Ints]:
+    """Return the group of each strand, and (G, 4) pairs of nodes between which strands are."""
+    count = order.order.size
+    ties = other >= 0
+    key = node * count + other
+    found, number = np.unique(key[ties], return_inverse=True)
+    group = node.copy()
+    group[ties] = count + number
+    pairs = np.stack([found // count, found % count], axis=1)
+    blocks = [[order.block(i, j), i > j] for i, j in pairs.tolist()]
+    return group, np.concatenate([pairs, np.array(blocks, np.int64).reshape(-1, 2)], axis=1)
+
+
+def _at_ends(rows: Floats) -> Floats:
+    """Return (n - 1, 2, ...) rows at the ends of elements from (n, ...) rows at the nodes."""
+    return np.stack([rows[:-1], rows[1:]], axis=1)
+
+
+def _times(a: Floats, b: Floats) -> Floats:
+    """Return the product of two quaternions."""
+    w, x, y, z = a
+    p, q, r, s = b
+    return np.array(
+        [
+            w * p - x * q - y * r - z * s,
+            w * q + x * p + y * s - z * r,
+            w * r + y * p + z * q - x * s,
+            w * s + z * p + x * r - y * q,
+        ]
+    )
+
+
+def _relative(of: Floats, to: Floats) -> Floats:
+    """Return the quaternion that leads from one rotation to another."""
+    return _times(of * np.array([1.0, -1.0, -1.0, -1.0]), to)
+
+
+def _between(x: Floats, slopes: Floats, u: float) -> Floats:
+    """Return a place between two on the cubic curve with slopes at both, u from 0 to 1."""
     return (
-        x[node] * (1 + 2 * u) * (1 - u) ** 2
-        + first * u * (1 - u) ** 2
-        + x[neighbour] * u * u * (3 - 2 * u)
-        - second * u * u * (1 - u)
+        x[0] * (1 + 2 * u) * (1 - u) ** 2
+        + slopes[0] * u * (1 - u) ** 2
+        + x[1] * u * u * (3 - 2 * u)
+        - slopes[1] * u * u * (1 - u)
     )

@@ -1,4 +1,4 @@
-"""What there is to read of a beam on its bed: energies, strands, and stresses of the wall."""
+"""What there is to read of a network on its bed: energies, strands, and stresses of the walls."""
 
 import math
 from dataclasses import dataclass
@@ -53,24 +53,35 @@ class WorstStress:
 
 
 class Readings:
-    """A beam on its bed in its last state, to be read.
+    """A network on its bed in its last state, to be read.
+
+    A `tube` is named where there are several; the first one is meant by None.
 
     Attributes
     ----------
-    beam, strands
-        At rest.
+    network, beam, strands
+        At rest; the beam is the first tube.
     state
         The arrays that the kernels share.
     """
 
     def __init__(self, rest: Rest, state: kernels.State) -> None:
         self._rest, self.state = rest, state
-        self.beam, self.strands = rest.beam, rest.strands
+        self.network, self.strands = rest.network, rest.strands
+        self.beam = next(iter(rest.network.tubes.values()))
 
     @property
     def stations(self) -> Floats:
         """(N,) the nodes' distances from the first end along the axis at rest, mm."""
         return self._rest.stations
+
+    def nodes_of(self, tube: str | None = None) -> NDArray[np.int64]:
+        """Return the (n,) numbers of a tube's nodes, along it; tubes that join share one."""
+        return self._rest.tube(tube).nodes
+
+    def stations_of(self, tube: str | None = None) -> Floats:
+        """Return the (n,) stations of a tube's nodes, mm from its first end."""
+        return self._rest.tube(tube).stations
 
     @property
     def places(self) -> Floats:
@@ -126,6 +137,12 @@ class Readings:
     def freed(self) -> float:
         """Length of beam whose strands have parted, mm: the sum of their tributary lengths."""
         return float(self._tributary[self.state.damage >= 1.0].sum())
+
+    def freed_of(self, tube: str | None = None) -> float:
+        """Return the length of a tube whose strands have parted, mm."""
+        number = self._rest.tubes.index(self._rest.tube(tube))
+        mine = self.strands.tubes[self.order] == number
+        return float(self._tributary[mine & (self.state.damage >= 1.0)].sum())
 
     @cached_property
     def _stored_at(self) -> NDArray[np.int64]:
@@ -194,42 +211,44 @@ class Readings:
         """Return the (N - 1, 2, 3) stresses of the wall at both ends of each element, MPa."""
         # Nominal, forces over areas at rest: normal, and of bending at the outermost fibres up and
         # across the beam. Above zero, bending stretches the side up and the one away from y.
-        wall, section = self.beam.wall, self.state.section
+        wall, section, fibres = self._rest.wall, self.state.section, self._rest.fibres
         if wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")
-        if self.beam.fibres is not None:
+        if fibres is not None:
             out = np.empty((section.shape[0], 2, 3))
-            s = self.state
-            kernels.end_stresses(s.ends, section, s.strained, self.beam.fibres[1], wall, out)
+            kernels.end_stresses(section, self.state.strained, fibres[1], wall, out)
             return out
         loads = np.stack([section[:, [9, 4, 5]], section[:, [10, 7, 8]]], axis=1)
-        return loads / np.stack([wall[:-1], wall[1:]], axis=1)
+        return loads / wall
 
-    def worst_stress(self) -> WorstStress:
-        """Return the largest stress of the wall, over the nodes."""
-        node, normal, up, across = worst_stress(self.stresses(), self.state.ends)
+    def worst_stress(self, tube: str | None = None) -> WorstStress:
+        """Return the largest stress of a tube's wall, over its nodes."""
+        which = self._rest.tube(tube)
+        node, normal, up, across = worst_stress(self.stresses()[which.elements])
         if node < 0:
             return WorstStress(0.0, 0.0, 0.0, 0.0)
         bending = math.sqrt(up * up + across * across)
-        return WorstStress(float(self.stations[node]), normal, bending, math.atan2(-across, up))
+        return WorstStress(float(which.stations[node]), normal, bending, math.atan2(-across, up))
 
     @cached_property
     def _tightest(self) -> float:
         """The largest stiffness of the strands at one node, N/mm."""
-        stiffness, nodes = self.state.strand[kernels.STIFF], self._rest.nodes
-        return float(np.bincount(nodes, stiffness, self.stations.size).max(initial=0.0))
+        stiffness, rest = self.state.strand[kernels.STIFF], self._rest
+        ends = np.bincount(rest.nodes, stiffness, self.stations.size)
+        feet = np.bincount(rest.others + 1, stiffness, self.stations.size + 1)[1:]
+        return float((ends + feet).max(initial=0.0))
 
     @property
     def rounding(self) -> float:
         """Error of forces from places rounded to their last digit, N."""
         s = self.state
         beam = float(s.stiff[:, :3].max()) / float(s.h.min())
-        return 1e-15 * max(beam, self._tightest) * self.beam.span
+        return 1e-15 * max(beam, self._tightest) * self.network.span
 
 
 @njit(cache=True, nogil=True)
-def worst_stress(stresses: Floats, ends: NDArray[np.int64]) -> tuple[int, float, float, float]:
-    """Return the node with the largest stress, and its stresses; node -1 where none is pulled."""
+def worst_stress(stresses: Floats) -> tuple[int, float, float, float]:
+    """Return a tube's node with the largest stress, and its stresses; -1 where none is pulled."""
     largest, found = 0.0, (-1, 0.0, 0.0, 0.0)
     for element in range(stresses.shape[0]):
         for end in range(2):
@@ -237,5 +256,5 @@ def worst_stress(stresses: Floats, ends: NDArray[np.int64]) -> tuple[int, float,
             up, across = stresses[element, end, 1], stresses[element, end, 2]
             total = normal + np.sqrt(up * up + across * across)
             if total > largest:
-                largest, found = total, (ends[element, end], normal, up, across)
+                largest, found = total, (element + end, normal, up, across)
     return found

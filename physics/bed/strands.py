@@ -1,4 +1,4 @@
-"""Strands of loose connective tissue between a beam and its bed.
+"""Strands of loose connective tissue between a beam and its bed, or between two tubes.
 
 A strand's force f over its elongation u (beyond the length L at which it comes taut) is a bilinear
 cohesive law: 0 for u < 0, k u to the yield elongation u_0, then k u_0 (u_f - u)/(u_f - u_0), 0 from
@@ -8,7 +8,7 @@ over several strands: brittle strands read too tough, by how far a front is trap
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from physics.bed.space_beam import SpaceBeam
 __all__ = ["Strands"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 # Numbers of a bed are rounded to multiples of this, mm, N/mm. Sines and roots differ far less than
 # that between machines, so that a seed gives the same bed on all.
@@ -30,8 +31,9 @@ class Strands:
 
     A strand carries nothing while it is shorter than `length`, then `stiffness` for each mm more;
     from `yield_elongation` on it softens, and at `failure_elongation` it has parted: the energy to
-    part it is stiffness yield_elongation failure_elongation / 2. Arrays are copied, rounded to
-    `GRAIN` and locked.
+    part it is stiffness yield_elongation failure_elongation / 2. In a network a strand holds one of
+    its `tubes`, and its foot may be on another, `to`. Arrays are copied, rounded to `GRAIN` and
+    locked.
     """
 
     stations: Floats  # (S,) where they hold the beam, mm from its first end
@@ -42,10 +44,27 @@ class Strands:
     yield_elongation: Floats  # (S,) elongations u_0 at which they begin to soften, mm
     failure_elongation: Floats  # (S,) elongations u_f at which they have parted, mm
     bilateral: Floats  # (S,) 1 for a strand that also pushes when it is shorter, else 0
+    # (S,) numbers of the tubes that they hold; the first one's if left empty
+    tubes: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    # (S,) numbers of the tubes that their feet are on, -1 for the bed; the bed if left empty
+    to: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    # (S,) where that is, mm from that tube's first end
+    to_stations: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         count = np.asarray(self.stations).size
+        for name, number in (("tubes", 0), ("to", -1)):
+            given = np.array(getattr(self, name), dtype=np.int64)
+            whole = given if given.size else np.full(count, number)
+            if whole.shape != (count,):
+                raise ValueError(f"{name} of {count} strands must have the shape {(count,)}")
+            whole.setflags(write=False)
+            object.__setattr__(self, name, whole)
+        if not np.asarray(self.to_stations).size:
+            object.__setattr__(self, "to_stations", np.zeros(count))
         for each in fields(self):
+            if each.name in ("tubes", "to"):
+                continue
             value = np.asarray(getattr(self, each.name), dtype=np.float64)
             shape = (count, 3) if each.name in ("ends", "feet") else (count,)
             if value.shape != shape:
@@ -94,13 +113,18 @@ class Strands:
 
         At the first and the last station as far out as in; strands at one station share alike.
         """
-        at, which, count = np.unique(self.stations, return_inverse=True, return_counts=True)
-        if at.size < 2:
-            return np.zeros(self.count)
-        gaps = np.diff(at)
-        halves = 0.5 * np.concatenate([gaps[:1], gaps])
-        after = 0.5 * np.concatenate([gaps, gaps[-1:]])
-        return ((halves + after) / count)[which]
+        out = np.zeros(self.count)
+        for tube in np.unique(self.tubes):
+            mine = self.tubes == tube
+            at, which, count = np.unique(
+                self.stations[mine], return_inverse=True, return_counts=True
+            )
+            if at.size > 1:
+                gaps = np.diff(at)
+                halves = 0.5 * np.concatenate([gaps[:1], gaps])
+                after = 0.5 * np.concatenate([gaps, gaps[-1:]])
+                out[mine] = ((halves + after) / count)[which]
+        return out
 
     def forces(self, ends: Floats, damage: Floats) -> Floats:
         """(S,) forces with their ends on the beam at (S, 3), mm, and (S,) damage, N."""

@@ -20,6 +20,7 @@ from physics.bed import (
     Bed,
     Hand,
     History,
+    Network,
     Patch,
     Rod,
     SpaceBeam,
@@ -612,7 +613,7 @@ def test_a_bed_in_rows_of_a_batch_moves_as_one_of_its_own() -> None:
     """The arrays are made in a given place: a row of a table of beds, used before."""
     beam = SpaceBeam.of(DUCT, elements=16)
     strands, floor = LAYER.strands_under(beam), LAYER.floor_under(beam)
-    rest = Rest.of(beam, strands)
+    rest = Rest.of(Network({"beam": beam}), strands)
     batch = [np.full((3, *size), 7, dtype=kind) for size, kind in shapes(rest, 1).values()]
     row: list[Any] = [each[1] for each in batch]
     beds = [

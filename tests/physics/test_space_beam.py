@@ -2,7 +2,6 @@
 
 import math
 from decimal import Decimal, localcontext
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,9 +11,9 @@ from hypothesis import strategies as st
 from physics import Beam, Exact, Exponential, Law, Linear, NeoHooke, law_named
 from physics.bed import BeamOnBed, Hand, SpaceBeam, Strands, pull
 from physics.bed import kernels as k
-from physics.bed.kernels.tangent import hold_nodes, solve
 from physics.exponential import MOST, exponential_stress
 from physics.many import Ducts, solve_many
+from tests.physics.derivatives import assert_derivatives
 
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
 
@@ -81,94 +80,10 @@ def test_gradient_and_tangent_are_the_energy_s_differences(
         # Rods pressed into the first node beside the shaft and into the last past the tip.
         state.rods[0] = *(state.x[0] - [0.0, 0.8, 0.3]), 0.0, 0.6, 0.8, 0.5, 1.0
         state.rods[1] = *(state.x[3] + [0.0, 0.8, 0.3]), 0.0, 0.6, 0.8, 0.5, 1.0
-    nodes = state.x.shape[0]
-    size = 6 * nodes
     k.assemble(state, kind, 0.0)
     if law == NeoHooke():
         assert state.fibres[0].min() > 0.5  # below, the tangent is not exact
-    gradient = state.g.ravel().copy()
-    tangent = np.zeros((size, size))
-    for i in range(nodes):
-        low = np.tril(state.diagonal[i])
-        here = slice(6 * i, 6 * i + 6)
-        tangent[here, here] = low + np.tril(low, -1).T
-        if i + 1 < nodes:
-            after = slice(6 * i + 6, 6 * i + 12)
-            tangent[here, after] = state.upper[i]
-            tangent[after, here] = state.upper[i].T
-    x, q = state.x.copy(), state.q.copy()
-
-    def energy(step: np.ndarray) -> float:
-        turn = np.concatenate([np.ones((nodes, 1)), 0.5 * step.reshape(nodes, 6)[:, 3:]], axis=1)
-        w, a, b, c = turn.T
-        p, r, s, t = q.T
-        state.x[:] = x + step.reshape(nodes, 6)[:, :3]
-        state.q[:] = np.stack(
-            [
-                w * p - a * r - b * s - c * t,
-                w * r + a * p + b * t - c * s,
-                w * s + b * p + c * r - a * t,
-                w * t + c * p + a * s - b * r,
-            ],
-            axis=1,
-        )
-        state.q[:] /= np.sqrt((state.q**2).sum(axis=1))[:, None]
-        return k.assemble(state, kind, 0.0)
-
-    h = 1e-3
-    one = h * np.eye(size)
-    differences = np.array(
-        [8 * (energy(v) - energy(-v)) - (energy(2 * v) - energy(-2 * v)) for v in one]
-    ) / (12 * h)
-    assert differences == pytest.approx(gradient, abs=1e-8 * np.abs(gradient).max())
-
-    def mixed(a: np.ndarray, b: np.ndarray) -> float:
-        return energy(a + b) - energy(a - b) - energy(b - a) + energy(-a - b)
-
-    second = np.array(
-        [[(16 * mixed(a, b) - mixed(2 * a, 2 * b)) / (48 * h * h) for b in one] for a in one]
-    )
-    # A strand may pass from slack to taut within the differences: those terms are of order h.
-    assert second == pytest.approx(tangent, abs=2e-8 * np.abs(tangent).max())
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_tree_of_beams_is_solved_as_the_full_matrix(seed: int) -> None:
-    """A Y: the branches 0 1 and 2 3 join the trunk 4 5 6 at its first node."""
-    rng = np.random.default_rng(seed)
-    beam = SpaceBeam.from_axis(
-        span=6.0, elements=6, stiffness=rng.random(6) * 5 + 1, ends=("free", "free")
-    )
-    state = BeamOnBed(beam).state
-    state.parent[:] = [1, 4, 3, 4, 5, 6, -1]
-    state.child[:] = [-1, 0, -1, 2, 1, 4, 5]
-    state.sibling[:] = [-1, 3, -1, -1, -1, -1, -1]
-    state.ends[:] = [[n, state.parent[n]] for n in range(6)]
-    state.x[:] += rng.normal(size=(7, 3)) * 0.1
-    state.x[2:4, 1] += 1.0
-    k.set_rest(state.x, state.q, state.ends, state.h, state.strain)
-    state.held[[0, 2]], state.held[[4, 6]] = 63, (5, 9)
-    state.goal[:] = state.x + rng.normal(size=(7, 3)) * 0.05
-    state.x[:] += rng.normal(size=(7, 3)) * 0.02
-    k.assemble(state, k.FROZEN, 0.0)
-    full = np.zeros((7, 6, 7, 6))
-    for n in range(7):
-        low = np.tril(state.diagonal[n])
-        full[n, :, n] = low + np.tril(low, -1).T
-        if state.parent[n] >= 0:
-            full[n, :, state.parent[n]] = state.upper[n]
-            full[state.parent[n], :, n] = state.upper[n].T
-    full = full.reshape(42, 42) + 3.0 * np.eye(42)
-    for r in range(6):
-        state.diagonal[:, r, r] += 3.0
-    held = (state.held[:, None] >> np.arange(6) & 1 == 1).ravel()
-    expected = np.concatenate([state.goal - state.x, np.zeros((7, 3))], axis=1).ravel()
-    right = -state.g.ravel() - full[:, held] @ expected[held]
-    expected[~held] = np.linalg.solve(full[np.ix_(~held, ~held)], right[~held])
-    state.step[:] = state.g
-    cast(Any, hold_nodes).py_func(state, 1.0)
-    assert cast(Any, solve).py_func(state.parent, state.diagonal, state.upper, state.step)
-    assert state.step.ravel() == pytest.approx(expected, abs=1e-12)
+    assert_derivatives(state, kind)
 
 
 @pytest.mark.parametrize("law", [None, NeoHooke(), Exponential(5.0)])

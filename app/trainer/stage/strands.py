@@ -176,10 +176,11 @@ def differ(numbers: NDArray[np.float32], sent: NDArray[np.float32], least: float
 
 @njit(cache=True, nogil=True)
 def _write(s: kernels.State, aside: NDArray[np.float64], out: NDArray[np.float32]) -> None:
-    for n in range(s.x.shape[0]):
-        for i in range(s.first[n], s.first[n + 1]):
+    for group in range(s.first.size - 1):
+        n, other = kernels.group_nodes(s.pair, group, s.x.shape[0])
+        for i in range(s.first[group], s.first[group + 1]):
             at = NUMBERS * i
-            end, foot = kernels.strand_ends(s.x, s.q, s.strand, n, i)
+            end, foot = kernels.strand_ends(s.x, s.q, s.strand, n, other, i)
             for k in range(3):
                 out[at + k] = end[k] + aside[i, k]
             out[at + 4] = 0.0

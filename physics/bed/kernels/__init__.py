@@ -14,7 +14,14 @@ from physics.bed.kernels.balance import account
 from physics.bed.kernels.beam import set_rest
 from physics.bed.kernels.core import rods_clear_of
 from physics.bed.kernels.newton import equilibrium
-from physics.bed.kernels.rods import NO_CONTACT, path_round, set_arms, strand_ends, turn_arms
+from physics.bed.kernels.rods import (
+    NO_CONTACT,
+    group_nodes,
+    path_round,
+    set_arms,
+    strand_ends,
+    turn_arms,
+)
 from physics.bed.kernels.state import (
     AHEAD,
     ARM_X,
@@ -112,6 +119,7 @@ __all__ = [
     "assemble_ahead",
     "end_stresses",
     "equilibrium",
+    "group_nodes",
     "path_round",
     "rods_clear_of",
     "set_arms",

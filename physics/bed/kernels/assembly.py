@@ -52,7 +52,7 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
     """Write all that follows from the shape alone, wherever forces and springs go."""
     s.g[:] = 0.0
     s.diagonal[:] = 0.0
-    s.upper[:] = 0.0
+    s.block[:] = 0.0
     s.pull[:] = 0.0
     s.press[:] = 0.0
     s.damage_correction[:] = 0.0
@@ -62,6 +62,7 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
         s.x,
         s.q,
         s.ends,
+        s.turn,
         s.h,
         s.stiff,
         s.strain,
@@ -71,7 +72,7 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
         s.fibres,
         s.g,
         s.diagonal,
-        s.upper,
+        s.block,
         s.section,
     )
     strand_pass(s, kind, relaxation)
@@ -86,7 +87,7 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
             s.rods,
             s.g,
             s.diagonal,
-            s.upper,
+            s.block,
             s.pull,
             s.press,
             kind,

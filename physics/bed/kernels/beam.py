@@ -2,9 +2,11 @@
 
 Nodes have a place x and a unit quaternion q; their
 rotations change by a spin w through Cayley's map, q <- (1, w/2) q / |.|, so that no trigonometry is
-needed. An element of length h at rest has the mid rotation R = R(q_i + q_j) with columns t_a, the
-half Gibbs vector c = vec(q_j q_i*) / scal = tan(phi/2) e of its nodes' relative rotation, t =
-tan(phi/4) e and d = (x_j - x_i)/h.
+needed. Where an element joins a node that has another tube's frame, its own is turned from that by
+a constant (`turn`), of which spins, and so gradient and tangent, know nothing. An element of length
+h at rest has the mid rotation R = R(q_i + q_j) with columns t_a, the half Gibbs vector
+c = vec(q_j q_i*) / scal = tan(phi/2) e of its ends' relative rotation, t = tan(phi/4) e and
+d = (x_j - x_i)/h.
 Strains Gamma = R^T d - Gamma_0 and kappa = (2/h) R^T c - kappa_0, energy
 U = h/2 (Gamma.C.Gamma + kappa.C_m.kappa), forces n = R C Gamma and m = R C_m kappa.
 
@@ -36,6 +38,7 @@ import math
 from kernel_cache import njit
 from physics.bed.kernels.vectors import (
     Floats,
+    Four,
     Ints,
     Nine,
     Three,
@@ -100,10 +103,25 @@ def with_dyad(m: Nine, s: float, v: Three) -> Nine:
 
 
 @inner
-def element_frame(q: Floats, i: int, j: int) -> tuple[Three, Three, Three, Three]:
-    """Return the columns of the mid rotation of nodes i and j and their half Gibbs vector c."""
-    w0, x0, y0, z0 = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-    w1, x1, y1, z1 = q[j, 0], q[j, 1], q[j, 2], q[j, 3]
+def end_rotation(q: Floats, turn: Floats, n: int, e: int, end: int) -> Four:
+    """Return the quaternion of element e at an end, whose node is n."""
+    w, x, y, z = q[n, 0], q[n, 1], q[n, 2], q[n, 3]
+    if turn[e, end, 0] == 1.0:
+        return w, x, y, z
+    a, b, c, d = turn[e, end, 0], turn[e, end, 1], turn[e, end, 2], turn[e, end, 3]
+    return (
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c + y * a + z * b - x * d,
+        w * d + z * a + x * c - y * b,
+    )
+
+
+@inner
+def element_frame(first: Four, second: Four) -> tuple[Three, Three, Three, Three]:
+    """Return the columns of the mid rotation of an element's ends and their half Gibbs vector c."""
+    w0, x0, y0, z0 = first
+    w1, x1, y1, z1 = second
     scal = w0 * w1 + x0 * x1 + y0 * y1 + z0 * z1
     if scal < 0.0:  # q and -q are one rotation
         w1, x1, y1, z1, scal = -w1, -x1, -y1, -z1, -scal
@@ -120,11 +138,12 @@ def element_frame(q: Floats, i: int, j: int) -> tuple[Three, Three, Three, Three
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def set_rest(x: Floats, q: Floats, ends: Ints, h: Floats, strain: Floats) -> None:
+def set_rest(x: Floats, q: Floats, ends: Ints, turn: Floats, h: Floats, strain: Floats) -> None:
     """Write the strains of this shape into `strain`: it is then the beam's shape at rest."""
     for e in range(h.size):
         i, j = ends[e, 0], ends[e, 1]
-        t1, t2, t3, c = element_frame(q, i, j)
+        q0, q1 = end_rotation(q, turn, i, e, int(0)), end_rotation(q, turn, j, e, int(1))
+        t1, t2, t3, c = element_frame(q0, q1)
         d = (
             (x[j, 0] - x[i, 0]) / h[e],
             (x[j, 1] - x[i, 1]) / h[e],
@@ -140,6 +159,7 @@ def strain_fibres(
     x: Floats,
     q: Floats,
     ends: Ints,
+    turn: Floats,
     h: Floats,
     strain: Floats,
     chord: Floats,
@@ -150,7 +170,8 @@ def strain_fibres(
     """Write stretch, gam^2 and curvatures of all sections, and what their fibres do."""
     for e in range(h.size):
         i, j = ends[e, 0], ends[e, 1]
-        t1, t2, t3, c = element_frame(q, i, j)
+        q0, q1 = end_rotation(q, turn, i, e, int(0)), end_rotation(q, turn, j, e, int(1))
+        t1, t2, t3, c = element_frame(q0, q1)
         f = 1.0 / h[e]
         d = (f * (x[j, 0] - x[i, 0]), f * (x[j, 1] - x[i, 1]), f * (x[j, 2] - x[i, 2]))
         g2, g3 = dot(t2, d) - strain[e, 1], dot(t3, d) - strain[e, 2]
@@ -170,6 +191,7 @@ def beam_pass(
     x: Floats,
     q: Floats,
     ends: Ints,
+    turn: Floats,
     h: Floats,
     stiff: Floats,
     strain: Floats,
@@ -179,16 +201,17 @@ def beam_pass(
     fibres: Floats,
     g: Floats,
     diagonal: Floats,
-    upper: Floats,
+    block: Floats,
     section: Floats,
 ) -> float:
     """Add the beam's gradient and tangent, write its section forces; return its energy, mJ."""
     energy = 0.0
     if wall.size:
-        strain_fibres(x, q, ends, h, strain, chord, wall, strained, fibres)
+        strain_fibres(x, q, ends, turn, h, strain, chord, wall, strained, fibres)
     for e in range(h.size):
         i, j = ends[e, 0], ends[e, 1]
-        t1, t2, t3, c = element_frame(q, i, j)
+        q0, q1 = end_rotation(q, turn, i, e, int(0)), end_rotation(q, turn, j, e, int(1))
+        t1, t2, t3, c = element_frame(q0, q1)
         f = 1.0 / h[e]
         d = (f * (x[j, 0] - x[i, 0]), f * (x[j, 1] - x[i, 1]), f * (x[j, 2] - x[i, 2]))
         g1, g2, g3 = (
@@ -284,8 +307,8 @@ def beam_pass(
         )
         # At the ends by the nodes' own frames: the force is constant along the element.
         for node in range(2):
-            k = j if node else i
-            p1, p2, p3 = columns(q[k, 0], q[k, 1], q[k, 2], q[k, 3])
+            qk = q1 if node else q0
+            p1, p2, p3 = columns(qk[0], qk[1], qk[2], qk[3])
             end = ej if node else (-ei[0], -ei[1], -ei[2])
             section[e, 3 + 3 * node] = dot(end, p1)
             section[e, 4 + 3 * node] = dot(end, p2)
@@ -420,7 +443,7 @@ def beam_pass(
             b[4, 3] += 0.25 * (w01 - sign * sy01 - twt[1] + sign * v01 + y01 + z01)
             b[5, 3] += 0.25 * (w02 - sign * sy02 - twt[2] + sign * v02 + y02 + z02)
             b[5, 4] += 0.25 * (w12 - sign * sy12 - twt[5] + sign * v12 + y12 + z12)
-        b = upper[i]
+        b = block[ends[e, 2]]
         for r in range(3):
             for col in range(3):
                 b[r, col] -= f * big_c[3 * r + col]
@@ -453,4 +476,8 @@ def beam_pass(
         b[5, 3] += 0.25 * (q02 - a02)
         b[4, 5] += 0.25 * (q12 + a12)
         b[5, 4] += 0.25 * (q12 - a12)
+        if ends[e, 3]:
+            for r in range(6):
+                for col in range(r):
+                    b[r, col], b[col, r] = b[col, r], b[r, col]
     return energy

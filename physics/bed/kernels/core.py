@@ -68,7 +68,7 @@ def core_pass(
     rods: Floats,
     g: Floats,
     diagonal: Floats,
-    upper: Floats,
+    block: Floats,
     pull: Floats,
     press: Floats,
     kind: int,
@@ -129,7 +129,10 @@ def core_pass(
                     if c <= r:
                         diagonal[i, r, c] += a * a * k + turn * qi * pi
                         diagonal[j, r, c] += b * b * k + turn * qj * pj
-                    upper[i, r, c] += a * b * k + turn * qi * pj
+                    if ends[element, 3]:
+                        block[ends[element, 2], c, r] += a * b * k + turn * qi * pj
+                    else:
+                        block[ends[element, 2], r, c] += a * b * k + turn * qi * pj
     return energy, clear
 
 

@@ -108,27 +108,27 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         if balanced:
             shift = 0.0
         copy_blocks(s.diagonal_kept, s.diagonal)
-        copy_blocks(s.upper_kept, s.upper)
+        copy_blocks(s.block_kept, s.block)
         found = False
         for _ in range(40):
             copy_rows(s.step, s.g)
             if shift > 0.0:
                 shift_tangent(s, shift, length)
             hold_nodes(s, 1.0)
-            found = solve(s.parent, s.diagonal, s.upper, s.step)
+            found = solve(s.first_block, s.blocks, s.product, s.diagonal, s.block, s.step)
             if found or balanced:
                 break
             shift = max(16.0 * shift, least_shift)
             copy_blocks(s.diagonal, s.diagonal_kept)
-            copy_blocks(s.upper, s.upper_kept)
+            copy_blocks(s.block, s.block_kept)
         if balanced and not found:
             # A mode along which the energy does not change at all (neutral) is not unstable.
             copy_blocks(s.diagonal, s.diagonal_kept)
-            copy_blocks(s.upper, s.upper_kept)
+            copy_blocks(s.block, s.block_kept)
             copy_rows(s.step, s.g)
             shift_tangent(s, 1e-2 * least_shift, length)
             hold_nodes(s, 1.0)
-            found = solve(s.parent, s.diagonal, s.upper, s.step)
+            found = solve(s.first_block, s.blocks, s.product, s.diagonal, s.block, s.step)
         if balanced and found:
             return it
         keep_shape(s.x_kept, s.x, s.q_kept, s.q)

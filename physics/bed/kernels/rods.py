@@ -143,8 +143,32 @@ def path_round(
 
 
 @inner
-def strand_ends(x: Floats, q: Floats, strand: Floats, n: int, i: int) -> tuple[Three, Three]:
-    """Return where strand i of node n holds the beam, and its foot."""
+def group_nodes(pair: Ints, group: int, nodes: int) -> tuple[int, int]:
+    """Return the node that a group of strands holds, and the one that its feet are on, or -1."""
+    if group < nodes:
+        return group, -1
+    return pair[group - nodes, 0], pair[group - nodes, 1]
+
+
+@inner
+def strand_foot(x: Floats, q: Floats, strand: Floats, other: int, i: int) -> Three:
+    """Return where strand i ends: a place, or an arm of the node `other`."""
+    foot = (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
+    if other < 0:
+        return foot
+    t1, t2, t3 = columns(q[other, 0], q[other, 1], q[other, 2], q[other, 3])
+    return (
+        x[other, 0] + (t1[0] * foot[0] + t2[0] * foot[1] + t3[0] * foot[2]),
+        x[other, 1] + (t1[1] * foot[0] + t2[1] * foot[1] + t3[1] * foot[2]),
+        x[other, 2] + (t1[2] * foot[0] + t2[2] * foot[1] + t3[2] * foot[2]),
+    )
+
+
+@inner
+def strand_ends(
+    x: Floats, q: Floats, strand: Floats, n: int, other: int, i: int
+) -> tuple[Three, Three]:
+    """Return where strand i of node n holds the beam, and its foot, on the node `other` or -1."""
     t1, t2, t3 = columns(q[n, 0], q[n, 1], q[n, 2], q[n, 3])
     a0, a1, a2 = strand[ARM_X, i], strand[ARM_Y, i], strand[ARM_Z, i]
     end = (
@@ -152,21 +176,25 @@ def strand_ends(x: Floats, q: Floats, strand: Floats, n: int, i: int) -> tuple[T
         x[n, 1] + t1[1] * a0 + t2[1] * a1 + t3[1] * a2,
         x[n, 2] + t1[2] * a0 + t2[2] * a1 + t3[2] * a2,
     )
-    return end, (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
+    return end, strand_foot(x, q, strand, other, i)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def set_arms(x: Floats, q: Floats, nodes: Ints, ends: Floats, strand: Floats) -> None:
-    """Write the arms of strands that hold their nodes at (S, 3) places of this shape, mm."""
+def set_arms(x: Floats, q: Floats, nodes: Ints, ends: Floats, strand: Floats, row: int) -> None:
+    """Write into three rows, from `row` on, the arms at which nodes are held at (S, 3) places, mm.
+
+    Of nodes -1, which are the bed's, the rows are the places themselves.
+    """
     for i in range(nodes.size):
         n = int(nodes[i])
+        if n < 0:
+            for r in range(3):
+                strand[row + r, i] = ends[i, r]
+            continue
         t1, t2, t3 = columns(q[n, 0], q[n, 1], q[n, 2], q[n, 3])
         out = (ends[i, 0] - x[n, 0], ends[i, 1] - x[n, 1], ends[i, 2] - x[n, 2])
-        strand[ARM_X, i], strand[ARM_Y, i], strand[ARM_Z, i] = (
-            dot(t1, out),
-            dot(t2, out),
-            dot(t3, out),
-        )
+        strand[row, i], strand[row + 1, i] = dot(t1, out), dot(t2, out)
+        strand[row + 2, i] = dot(t3, out)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

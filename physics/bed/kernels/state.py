@@ -51,15 +51,20 @@ FROZEN, INCREMENTAL, RELAXED = 0, 1, 2
 
 
 class State(NamedTuple):
-    """A beam on its bed, and room to work in; N nodes, S strands, M rods.
+    """A network of beams on its bed, and room to work in.
+
+    N nodes, E elements, S strands, M rods, B blocks of the tangent above its diagonal. One beam is
+    a network of one branch: E = B = N - 1.
 
     `held` are bits of what is held at a node (1 2 4 along x y z, 8 16 32 turning about them),
-    `goal` where, `load` dead forces, `spring` what draws a node to its goal. The nodes are a tree:
-    `parent[n]`, above n, is the next one towards its root, -1 of a root; `child[n]` is n's first
-    child, `sibling[n]` the next child of n's parent, -1 where there is none. `stiff` and
-    `strain` are rows of normal, two shear, torsion and two bending terms. `first[n]` is node n's
-    first strand. `section` has an element's normal and shear forces, its moments at both ends
-    (torsion, bending up, bending across) and the normal forces there.
+    `goal` where, `load` dead forces, `spring` what draws a node to its goal. Nodes are numbered in
+    the order in which they are eliminated (`network.Elimination`), which makes fill: row n's blocks
+    are `first_block[0, n]` to `first_block[0, n + 1]`, with columns above n. `stiff` and `strain`
+    are rows of normal, two shear, torsion and two bending terms. The strands of node n to the bed
+    are `first[n]` to `first[n + 1]`; after all nodes come pairs of nodes, `pair`, with the strands
+    between them, whose feet are arms of the second node. `section` has an element's normal and
+    shear forces, its moments at both ends (torsion, bending up, bending across) and the normal
+    forces there.
     """
 
     x: Floats  # (N, 3) mm
@@ -68,18 +73,21 @@ class State(NamedTuple):
     held: Ints  # (N,)
     load: Floats  # (N, 3) N
     spring: Floats  # (N, 3) N/mm
-    parent: Ints  # (N,)
-    child: Ints  # (N,)
-    sibling: Ints  # (N,)
-    ends: Ints  # (N - 1, 2) the elements' nodes, a child and its parent
-    h: Floats  # (N - 1,) lengths at rest, mm
-    stiff: Floats  # (N - 1, 6) N, N mm^2
-    strain: Floats  # (N - 1, 6) Gamma_0 and kappa_0, 1/mm
-    # (N - 1, 2) squares of the parts of both shears that are bending within an element, if thin
+    first_block: Ints  # (2, N + 1) of rows, and of columns among `blocks[2]`
+    blocks: Ints  # (3, B) rows and columns of the blocks; their numbers, sorted by columns
+    product: Ints  # (P,) block from which the product of each pair of a row's blocks is taken
+    # (E, 4) the elements' nodes, their blocks, and 1 where the second node's row is first, else 0
+    ends: Ints
+    turn: Floats  # (E, 2, 4) from the nodes' frames to the elements' own at their ends
+    h: Floats  # (E,) lengths at rest, mm
+    stiff: Floats  # (E, 6) N, N mm^2
+    strain: Floats  # (E, 6) Gamma_0 and kappa_0, 1/mm
+    # (E, 2) squares of the parts of both shears that are bending within an element, if thin
     chord: Floats
-    wall: Floats  # (N - 1, WALL_ROWS) what `kernels.wall` needs; (0, WALL_ROWS) of a linear wall
-    strained: Floats  # (N - 1, 4) or (0, 4) stretch, gam^2 and both curvatures of its sections
-    first: Ints  # (N + 1,)
+    wall: Floats  # (E, WALL_ROWS) what `kernels.wall` needs; (0, WALL_ROWS) of a linear wall
+    strained: Floats  # (E, 4) or (0, 4) stretch, gam^2 and both curvatures of its sections
+    first: Ints  # (N + G + 1,)
+    pair: Ints  # (G, 4) two nodes, their block, -1 for none, and 1 where the second's row is first
     strand: Floats  # (STRAND_ROWS, S)
     damage: Floats  # (S,) 0 whole to 1 parted
     floor: Floats  # (N, 2) stiffness, N/mm, and height at rest, mm
@@ -89,14 +97,14 @@ class State(NamedTuple):
     side: Ints
     pull: Floats  # (M, 3) forces of hands on rods, N
     press: Floats  # (M, 3) their part against the beam itself, N
-    section: Floats  # (N - 1, 11)
-    fibres: Floats  # (FIBRE_ROWS, 7 (N - 1)) or (FIBRE_ROWS, 0) what they do
+    section: Floats  # (E, 11)
+    fibres: Floats  # (FIBRE_ROWS, 7 E) or (FIBRE_ROWS, 0) what they do
     g: Floats  # (N, 6) gradient, N and N mm
     step: Floats  # (N, 6) mm and rad
     diagonal: Floats  # (N, 6, 6) the tangent's diagonal blocks, lower triangles
-    upper: Floats  # (N, 6, 6) its blocks of a node and its parent
+    block: Floats  # (B, 6, 6) its blocks above the diagonal
     diagonal_kept: Floats
-    upper_kept: Floats
+    block_kept: Floats
     x_kept: Floats
     q_kept: Floats
     goal_from: Floats
@@ -106,6 +114,7 @@ class State(NamedTuple):
     rods_from: Floats
     rods_to: Floats
     hold: Floats
+    cross: Floats  # (6, 6) the block of the pair of nodes that is summed
     react: Floats  # (N, 3) forces of hands that hold, N
     damage_correction: Floats  # (N, 6) what damage has taken off the gradient in the last assembly
     rods_damage_correction: Floats  # (M, 3) and off the hands' forces on rods, N

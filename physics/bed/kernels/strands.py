@@ -10,6 +10,13 @@ a = f'(u) - b, v = r x t and e = l - r the second derivatives are
     x x   a t t^T + b I     x w   a t v^T - b [r]     w w   a v v^T + b (sym(e r^T) - (e.r) I)
 
 They touch the block of the strand's node only, so that they add no blocks (6 x 6) to the tangent.
+Between two tubes b is s = R_m sigma from a second node m: with u = s x t its own blocks are those
+of a strand the other way round, and
+
+    x_n x_m  -(a t t^T + b I)    x_n w_m  -(a t u^T - b [s])
+    w_n x_m  -(a v t^T + b [r])  w_n w_m  -(a v u^T + b ((r.s) I - s r^T))
+
+one block for each pair of nodes that strands join (`hold_other`).
 A strand that also pushes pulls along its way round a rod, u of that way, but pushes back straight,
 u of |l|: pushed along the way, whose slope falls where its end leaves the rod, it would come to
 rest in that kink, where no forces balance.
@@ -23,6 +30,7 @@ from physics.bed.kernels.rods import (
     SLIPPED,
     any_rod,
     energy_round,
+    group_nodes,
     path_round,
     press_beam,
     reached,
@@ -58,6 +66,7 @@ from physics.bed.kernels.state import (
 )
 from physics.bed.kernels.vectors import (
     Floats,
+    Ints,
     Three,
     added,
     columns,
@@ -108,19 +117,99 @@ def push_straight(
     return 0.5 * f * u
 
 
+@inner
+def hold_other(
+    g: Floats,
+    diagonal: Floats,
+    cross_block: Floats,
+    other: int,
+    t: Three,
+    v: Three,
+    arm: Three,
+    away: Three,
+    foot: Three,
+    length: float,
+    f: float,
+    a: float,
+    b: float,
+    bent: bool,
+) -> None:
+    """Add a strand's force and stiffness at its other node, and the block of both nodes."""
+    # `away` is the direction of the strand at its foot, t where it is straight.
+    u = cross(foot, away)
+    near, far = (t[0], t[1], t[2], v[0], v[1], v[2]), (away[0], away[1], away[2], u[0], u[1], u[2])
+    c = diagonal[other]
+    for r in range(6):
+        g[other, r] -= f * far[r]
+        for col in range(r + 1):
+            c[r, col] += a * far[r] * far[col]
+    e = added(scaled(away, -length), scaled(foot, -1.0))
+    c[3, 1] -= b * foot[2]
+    c[3, 2] += b * foot[1]
+    c[4, 0] += b * foot[2]
+    c[4, 2] -= b * foot[0]
+    c[5, 0] -= b * foot[1]
+    c[5, 1] += b * foot[0]
+    around = dot(e, foot)
+    for r in range(3):
+        c[r, r] += b
+        c[3 + r, 3 + r] -= b * around
+        for col in range(r + 1):
+            c[3 + r, 3 + col] += 0.5 * b * (e[r] * foot[col] + e[col] * foot[r])
+    # Round a rod the ends turn about different points: what couples them is the length alone.
+    slope, b = (a + b, 0.0) if bent else (a, b)
+    for r in range(6):
+        for col in range(6):
+            cross_block[r, col] -= slope * near[r] * far[col]
+    if bent:
+        return
+    for r in range(3):
+        cross_block[r, r] -= b
+        cross_block[3 + r, 3 + r] -= b * dot(arm, foot)
+        for col in range(3):
+            cross_block[3 + r, 3 + col] += b * foot[r] * arm[col]
+    # b [s] above and -b [r] below.
+    cross_block[0, 4] -= b * foot[2]
+    cross_block[0, 5] += b * foot[1]
+    cross_block[1, 3] += b * foot[2]
+    cross_block[1, 5] -= b * foot[0]
+    cross_block[2, 3] -= b * foot[1]
+    cross_block[2, 4] += b * foot[0]
+    cross_block[3, 1] += b * arm[2]
+    cross_block[3, 2] -= b * arm[1]
+    cross_block[4, 0] -= b * arm[2]
+    cross_block[4, 2] += b * arm[0]
+    cross_block[5, 0] += b * arm[1]
+    cross_block[5, 1] -= b * arm[0]
+
+
+@inner
+def add_cross(block: Floats, cross_block: Floats, pair: Ints) -> None:
+    """Add the block of a pair of nodes to the tangent, if that has one."""
+    if pair[2] < 0:
+        return
+    b = block[pair[2]]
+    for r in range(6):
+        for col in range(6):
+            b[r, col] += cross_block[col, r] if pair[3] else cross_block[r, col]
+
+
 @inlined
 def strand_pass(s: State, kind: int, relaxation: float) -> None:
     """Add the strands' energy, gradient and tangent; damage goes by `relaxation` if RELAXED."""
     strand, damage, side = s.strand, s.damage, s.side
     energy = lost = most = 0.0
     whole = 0
-    for n in range(s.x.shape[0]):
+    for group in range(s.first.size - 1):
+        n, other = group_nodes(s.pair, group, s.x.shape[0])
         near = False
         for m in range(s.rods.shape[0]):
             if s.rods[m, IN_USE] == 0.0:
                 continue
             close, away, d = reached(s.x, s.thick, s.rods, n, m)
-            if away < s.thick[n, 0] + s.rods[m, RADIUS] and away > 1e-9:
+            if other >= 0:
+                close = close or reached(s.x, s.thick, s.rods, other, m)[0]
+            elif away < s.thick[n, 0] + s.rods[m, RADIUS] and away > 1e-9:
                 s.sums[CONTACT] += press_beam(
                     s.x, s.thick, s.rods, s.g, s.diagonal, s.pull, s.press, n, m, away, d, kind
                 )
@@ -128,25 +217,29 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                 near = True
                 continue
             # Out of reach strands forget on which side they touched it.
-            for i in range(s.first[n], s.first[n + 1]):
+            for i in range(s.first[group], s.first[group + 1]):
                 if side[m, i] & 1 and damage[i] < 1.0:
-                    end, foot = strand_ends(s.x, s.q, strand, n, i)
+                    end, foot = strand_ends(s.x, s.q, strand, n, other, i)
                     path = path_round(end, foot, s.rods[m], side[m, i], False)[1]
                     if path > 0.0:
                         d = added(end, scaled(foot, -1.0))
                         straight = math.sqrt(dot(d, d))
                         s.sums[SLIPPED_NOW] += energy_round(strand, damage, i, path, straight)
                 side[m, i] = NO_CONTACT
-        if s.first[n] == s.first[n + 1]:
+        if s.first[group] == s.first[group + 1]:
             continue
         t1, t2, t3 = columns(s.q[n, 0], s.q[n, 1], s.q[n, 2], s.q[n, 3])
+        o1, o2, o3 = t1, t2, t3
+        if other >= 0:
+            o1, o2, o3 = columns(s.q[other, 0], s.q[other, 1], s.q[other, 2], s.q[other, 3])
+            s.cross[:] = 0.0
         x0, x1, x2 = s.x[n, 0], s.x[n, 1], s.x[n, 2]
         correction = s.damage_correction[n]
         fx = fy = fz = gx = gy = gz = 0.0
         h00 = h11 = h22 = h01 = h02 = h12 = 0.0
         p00 = p01 = p02 = p10 = p11 = p12 = p20 = p21 = p22 = 0.0
         w00 = w11 = w22 = w01 = w02 = w12 = bs = bx = by = bz = 0.0
-        for i in range(s.first[n], s.first[n + 1]):
+        for i in range(s.first[group], s.first[group + 1]):
             if damage[i] >= 1.0:
                 continue
             whole += 1
@@ -154,14 +247,18 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             rx = t1[0] * a0 + t2[0] * a1 + t3[0] * a2
             ry = t1[1] * a0 + t2[1] * a1 + t3[1] * a2
             rz = t1[2] * a0 + t2[2] * a1 + t3[2] * a2
-            lx = x0 + rx - strand[FOOT_X, i]
-            ly = x1 + ry - strand[FOOT_Y, i]
-            lz = x2 + rz - strand[FOOT_Z, i]
+            foot = (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
+            arm = foot
+            if other >= 0:
+                arm = added(added(scaled(o1, foot[0]), scaled(o2, foot[1])), scaled(o3, foot[2]))
+                foot = (s.x[other, 0] + arm[0], s.x[other, 1] + arm[1], s.x[other, 2] + arm[2])
+            lx = x0 + rx - foot[0]
+            ly = x1 + ry - foot[1]
+            lz = x2 + rz - foot[2]
             rod = -1
-            pull = by_a = (0.0, 0.0, 0.0)
+            pull = by_a = by_b = (0.0, 0.0, 0.0)
             path = bow = short = 0.0
             if near:
-                foot = (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
                 for m in range(s.rods.shape[0]):
                     if s.rods[m, IN_USE] == 0.0:
                         continue
@@ -204,8 +301,11 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             k, u0, uf = strand[STIFF, i], strand[YIELD, i], strand[FAILURE, i]
             d = damage[i]
             if short < 0.0:
-                stiff, straight, arm = (1.0 - d) * k, (lx, ly, lz), (rx, ry, rz)
-                energy += push_straight(s.g, s.diagonal, n, straight, arm, stiff, short, kind)
+                stiff, straight, out = (1.0 - d) * k, (lx, ly, lz), (rx, ry, rz)
+                energy += push_straight(s.g, s.diagonal, n, straight, out, stiff, short, kind)
+                if other >= 0:
+                    straight = (-lx, -ly, -lz)
+                    push_straight(s.g, s.diagonal, other, straight, arm, stiff, short, kind)
             if u <= 0.0 and (rod >= 0 or strand[BILATERAL, i] == 0.0):
                 continue
             f = (1.0 - d) * k * u
@@ -220,12 +320,17 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                             new = 1.0
                         gone = 0.5 * k * u * u * (new - d)
                         if short < 0.0:
-                            less, straight, arm = (d - new) * k, (lx, ly, lz), (rx, ry, rz)
+                            less, straight, out = (d - new) * k, (lx, ly, lz), (rx, ry, rz)
                             change = push_straight(
-                                s.g, s.diagonal, n, straight, arm, less, short, kind
+                                s.g, s.diagonal, n, straight, out, less, short, kind
                             )
                             energy += change
                             gone -= change
+                            if other >= 0:
+                                straight = (-lx, -ly, -lz)
+                                push_straight(
+                                    s.g, s.diagonal, other, straight, arm, less, short, kind
+                                )
                         lost += gone
                         damage[i] = new
                         fall = k * u * (new - d)
@@ -235,6 +340,12 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                         correction[3] += fall * (ry * tz - rz * ty)
                         correction[4] += fall * (rz * tx - rx * tz)
                         correction[5] += fall * (rx * ty - ry * tx)
+                        if other >= 0:
+                            away = scaled(by_b, -1.0) if rod >= 0 else (tx, ty, tz)
+                            turned = cross(arm, away)
+                            for r in range(3):
+                                s.damage_correction[other, r] -= fall * away[r]
+                                s.damage_correction[other, 3 + r] -= fall * turned[r]
                         if rod >= 0:
                             s.sums[ROD_DISSIPATED] += gone
                             s.rods_damage_correction[rod, 0] -= fall * pull[0]
@@ -300,6 +411,12 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             bx += b * rx
             by += b * ry
             bz += b * rz
+            if other >= 0:
+                hold_other(
+                    s.g, s.diagonal, s.cross, other, (tx, ty, tz), (vx, vy, vz), (rx, ry, rz),
+                    scaled(by_b, -1.0) if rod >= 0 else (tx, ty, tz),
+                    arm, length, f, a, b, rod >= 0,
+                )  # fmt: skip
             ux, uy, uz = b * ux, b * uy, b * uz
             ex, ey, ez = ux * rx, uy * ry, uz * rz
             w00 += a * vx * vx - ey - ez
@@ -364,6 +481,8 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
         c[5, 3] += w02
         c[5, 4] += w12
         c[5, 5] += w22
+        if other >= 0:
+            add_cross(s.block, s.cross, s.pair[group - s.x.shape[0]])
     s.sums[STRANDS] = energy
     s.sums[LOST_NOW] = lost
     s.sums[WHOLE] = whole
@@ -374,17 +493,20 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
 def update_rod_contacts(s: State, meet: bool) -> int:
     """Let strands slip off rods, and be met by them if `meet`; return how many have jumped."""
     jumps = 0
-    for n in range(s.x.shape[0]):
+    for group in range(s.first.size - 1):
+        n, other = group_nodes(s.pair, group, s.x.shape[0])
         for m in range(s.rods.shape[0]):
             if s.rods[m, IN_USE] == 0.0:
                 continue
             near = reached(s.x, s.thick, s.rods, n, m)[0]
-            for i in range(s.first[n], s.first[n + 1]):
+            if other >= 0:
+                near = near or reached(s.x, s.thick, s.rods, other, m)[0]
+            for i in range(s.first[group], s.first[group + 1]):
                 was = s.side[m, i]
                 if not near or (was == NO_CONTACT and not meet):
                     s.side[m, i] = NO_CONTACT
                     continue
-                end, foot = strand_ends(s.x, s.q, s.strand, n, i)
+                end, foot = strand_ends(s.x, s.q, s.strand, n, other, i)
                 before = path_round(end, foot, s.rods[m], was, False)[0]
                 now = path_round(end, foot, s.rods[m], was, True)[0]
                 s.side[m, i] = 0 if now == SLIPPED else now  # it may meet the other side at once
@@ -398,12 +520,13 @@ def yielded(s: State) -> float:
     """Update damage by the law at the present elongations; return the energy dissipated, mJ."""
     lost = 0.0
     rods = any_rod(s.rods)
-    for n in range(s.x.shape[0]):
-        for i in range(s.first[n], s.first[n + 1]):
+    for group in range(s.first.size - 1):
+        n, other = group_nodes(s.pair, group, s.x.shape[0])
+        for i in range(s.first[group], s.first[group + 1]):
             d = s.damage[i]
             if d >= 1.0:
                 continue
-            end, foot = strand_ends(s.x, s.q, s.strand, n, i)
+            end, foot = strand_ends(s.x, s.q, s.strand, n, other, i)
             chord = added(end, scaled(foot, -1.0))
             length = math.sqrt(dot(chord, chord))
             on_rod = False

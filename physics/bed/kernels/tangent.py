@@ -16,6 +16,17 @@ def copy_blocks(to: Floats, of: Floats) -> None:
 
 
 @inner
+def take_product(of: Floats, y: Floats, z: Floats) -> None:
+    """Take y^T z from a block."""
+    for r in range(6):
+        for c in range(6):
+            v = of[r, c]
+            for k in range(6):
+                v -= y[k, r] * z[k, c]
+            of[r, c] = v
+
+
+@inner
 def hold_nodes(s: State, fraction: float) -> None:
     """Constrain held freedoms: `step` gets minus their distance to the goal, times `fraction`."""
     n = s.x.shape[0]
@@ -23,7 +34,7 @@ def hold_nodes(s: State, fraction: float) -> None:
         mask = s.held[i]
         if mask == 0:
             continue
-        b, j = s.diagonal[i], s.parent[i]
+        b = s.diagonal[i]
         for r in range(6):
             if not (mask >> r) & 1:
                 continue
@@ -31,25 +42,24 @@ def hold_nodes(s: State, fraction: float) -> None:
             if displacement != 0.0:
                 for c in range(6):
                     s.step[i, c] += displacement * (b[r, c] if c <= r else b[c, r])
-                if j >= 0:
+                for k in range(s.first_block[0, i], s.first_block[0, i + 1]):
                     for c in range(6):
-                        s.step[j, c] += displacement * s.upper[i, r, c]
-                k = s.child[i]
-                while k >= 0:
+                        s.step[s.blocks[1, k], c] += displacement * s.block[k, r, c]
+                for m in range(s.first_block[1, i], s.first_block[1, i + 1]):
+                    k = s.blocks[2, m]
                     for c in range(6):
-                        s.step[k, c] += displacement * s.upper[k, c, r]
-                    k = s.sibling[k]
+                        s.step[s.blocks[0, k], c] += displacement * s.block[k, c, r]
             for c in range(6):
                 if c < r:
                     b[r, c] = 0.0
                 elif c > r:
                     b[c, r] = 0.0
-                s.upper[i, r, c] = 0.0
-            k = s.child[i]
-            while k >= 0:
+            for k in range(s.first_block[0, i], s.first_block[0, i + 1]):
                 for c in range(6):
-                    s.upper[k, c, r] = 0.0
-                k = s.sibling[k]
+                    s.block[k, r, c] = 0.0
+            for m in range(s.first_block[1, i], s.first_block[1, i + 1]):
+                for c in range(6):
+                    s.block[s.blocks[2, m], c, r] = 0.0
             b[r, r] = 1.0
             s.hold[i, r] = -displacement
     for i in range(n):
@@ -60,16 +70,20 @@ def hold_nodes(s: State, fraction: float) -> None:
 
 
 @inner
-def solve(parent: Ints, diagonal: Floats, upper: Floats, step: Floats) -> bool:
+def solve(
+    first_block: Ints, blocks: Ints, product: Ints, diagonal: Floats, block: Floats, step: Floats
+) -> bool:
     """Replace `step` by -K^-1 step, by block Cholesky; False if K is not positive definite."""
-    # K = L L^T with K_ii in the lower triangles of `diagonal` and K_ij, j node i's parent, in the
-    # full blocks of `upper`, both overwritten. Children come before parents: L_ii L_ii^T = K_ii
-    # less Y^T Y of each child k, Y = L_kk^-1 K_ki, and no other blocks fill up. The diagonal of
-    # L_ii keeps the inverse, so that there is one division for each freedom.
+    # K = L L^T with K_ii in the lower triangles of `diagonal` and K_ij, j above i, in the full
+    # blocks of `block`, all overwritten: L_ii L_ii^T = K_ii less what came before, Y_j = L_ii^-1
+    # K_ij, and Y_j^T Y_k is taken from K_jk. The diagonal of L_ii keeps the inverse, so that there
+    # is one division for each freedom.
     # A pivot that falls below 1e-14 of its entry is rounding: K is singular or worse.
-    n = parent.size
+    first, column = first_block[0], blocks[1]
+    n = diagonal.shape[0]
+    at = 0
     for i in range(n):
-        low, j = diagonal[i], parent[i]
+        low = diagonal[i]
         b = step[i]
         for c in range(6):
             v = low[c, c]
@@ -91,8 +105,8 @@ def solve(parent: Ints, diagonal: Floats, upper: Floats, step: Floats) -> bool:
             for k in range(r):
                 v -= low[r, k] * b[k]
             b[r] = v * low[r, r]
-        if j >= 0:
-            y = upper[i]
+        for m in range(first[i], first[i + 1]):
+            y = block[m]
             for r in range(6):
                 for k in range(r):
                     v = low[r, k]
@@ -101,23 +115,27 @@ def solve(parent: Ints, diagonal: Floats, upper: Floats, step: Floats) -> bool:
                 v = low[r, r]
                 for c in range(6):
                     y[r, c] *= v
-            after = diagonal[j]
-            b2 = step[j]
+            after = diagonal[column[m]]
+            b2 = step[column[m]]
             for k in range(6):
                 for r in range(6):
                     v = y[k, r]
                     for c in range(r + 1):
                         after[r, c] -= v * y[k, c]
                     b2[r] -= v * b[k]
+        for m in range(first[i], first[i + 1]):
+            for later in range(m + 1, first[i + 1]):
+                take_product(block[product[at]], block[m], block[later])
+                at += 1
     for i in range(n - 1, -1, -1):
-        low, j = diagonal[i], parent[i]
+        low = diagonal[i]
         b = step[i]
-        if j >= 0:
-            b2 = step[j]
+        for m in range(first[i], first[i + 1]):
+            b2 = step[column[m]]
             for r in range(6):
                 v = 0.0
                 for c in range(6):
-                    v += upper[i, r, c] * b2[c]
+                    v += block[m, r, c] * b2[c]
                 b[r] -= v
         for r in range(5, -1, -1):
             v = b[r]

@@ -69,7 +69,7 @@ def advance(
     copy_rows(s.step, s.g)
     hold_nodes(s, 1.0)
     # Not definite, which is rare: more and more drag, until it is.
-    while not solve(s.parent, s.diagonal, s.upper, s.step):
+    while not solve(s.first_block, s.blocks, s.product, s.diagonal, s.block, s.step):
         used = 16.0 * used + 1e-3
         if used > 1e9:
             return False

@@ -37,6 +37,9 @@ Ints = NDArray[np.int64]
 Three = tuple[float, float, float]
 
 
+Four = tuple[float, float, float, float]
+
+
 Nine = tuple[float, float, float, float, float, float, float, float, float]
 
 

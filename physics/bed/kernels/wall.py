@@ -26,7 +26,7 @@ import math
 import numpy as np
 
 from kernel_cache import njit
-from physics.bed.kernels.vectors import Floats, Ints, Nine, Three, added, inlined, inner, scaled
+from physics.bed.kernels.vectors import Floats, Nine, Three, added, inlined, inner, scaled
 from physics.exponential import MOST, exponential_stress
 
 # Columns of a table of walls: E A, N; the plane law's outer fibres, their distances, mm, where the
@@ -294,24 +294,24 @@ def node_stress(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def end_stresses(
-    ends: Ints, section: Floats, strained: Floats, wall: Floats, sections: Floats, out: Floats
+    section: Floats, strained: Floats, wall: Floats, sections: Floats, out: Floats
 ) -> None:
     """Write the (N - 1, 2, 3) nominal normal stress and both of bending at elements' ends, MPa.
 
-    `wall` and `sections` are of the nodes; bending is what the outermost fibre has beyond the mean.
+    `wall` and `sections` are (N - 1, 2, ...) at those ends; bending is what the outermost fibre
+    has beyond the mean.
     """
     fibres = np.empty((FIBRE_ROWS, FIBRES))
-    for e in range(ends.shape[0]):
+    for e in range(section.shape[0]):
         for end in range(2):
-            node = ends[e, end]
-            n, area = section[e, 9 + end], sections[node, 0]
-            force = wall[node, STRENGTH]
+            n, area = section[e, 9 + end], sections[e, end, 0]
+            force = wall[e, end, STRENGTH]
             out[e, end, 0] = n / area
             out[e, end, 1] = out[e, end, 2] = 0.0
             if section[e, 0] == 0.0 and section[e, 4 + 3 * end] == 0.0:
                 continue  # at rest, or torn
             most, up, across = node_stress(
-                fibres, wall, node, n / force, section[e, 4 + 3 * end] / force,
+                fibres, wall[e], end, n / force, section[e, 4 + 3 * end] / force,
                 section[e, 5 + 3 * end] / force, strained[e, 0], strained[e, 1], strained[e, 2],
                 strained[e, 3],
             )  # fmt: skip
