@@ -7,6 +7,8 @@ BLENDER := .venv-blender
 BLENDER_PYTHON ?= python3.11
 # What looks at dependencies is none of them.
 AUDIT := .venv-audit
+# What lints the page's JavaScript.
+BIOME := tests/export/node_modules/.bin/biome
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 # Two, whatever the cores: each has a browser that draws in software, and with three pages were late.
@@ -39,7 +41,7 @@ test-all: $(VENV)/.tests $(VENV)/.readers $(BLENDER)/.bpy  ## run the long tests
 coverage: $(VENV)/.coverage  ## run all tests and say which lines and branches they reach
 	@$(BIN)/python -m pytest $(WORKERS) --cov --cov-report=term:skip-covered $(ARGS)
 
-check: lint types layers  ## lint, types and import layers
+check: lint types layers  ## lint (the page's JavaScript too), types and import layers
 
 bench: $(VENV)/.peers  ## measure what things cost on this machine, beside peers
 	@$(BIN)/python -m benchmarks
@@ -62,9 +64,11 @@ licences: $(AUDIT)/.done $(VENV)/.tests  ## list the licences of all dependencie
 audit: $(AUDIT)/.done  ## look the pinned dependencies up in PyPI's list of advisories
 	@$(AUDIT)/bin/pip-audit --disable-pip --no-deps --strict -r constraints.txt $(ARGS)
 
-lint: $(VENV)/.tests
+lint: $(VENV)/.tests $(VENV)/.readers
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@if [ -x $(BIOME) ]; then $(BIOME) lint --error-on-warnings; \
+		else echo "The page's JavaScript is not linted: Biome is not here, which npm installs." >&2; fi
 
 types: $(VENV)/.tests
 	@$(BIN)/pyright --threads 2
@@ -115,11 +119,11 @@ $(VENV)/.soak: pyproject.toml constraints.txt $(VENV)/.tests
 	@$(PIP_INSTALL) -e '.[soak]'
 	@touch $@
 
-# What reads our exports, and axe for the page: without npm their tests are skipped.
+# What reads our exports, axe for the page, Biome for its scripts: left out where npm is missing.
 $(VENV)/.readers: tests/export/package.json | $(BIN)/python
 	@if command -v npm >/dev/null; then \
 		npm install --prefix tests/export --no-package-lock --ignore-scripts --no-audit --no-fund --silent \
-			&& touch $@ || echo "Going on without three.js, the glTF validator and axe." >&2; \
+			&& touch $@ || echo "Going on without three.js, the glTF validator, axe and Biome." >&2; \
 	fi
 
 $(BLENDER)/.bpy: tests/export/blender-requirements.txt

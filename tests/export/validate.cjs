@@ -1,5 +1,5 @@
 // Prints what the Khronos validator says about each glTF file named on the command line.
-const fs = require("fs");
+const fs = require("node:fs");
 const validator = require("gltf-validator");
 
 async function main() {

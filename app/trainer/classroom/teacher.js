@@ -42,7 +42,7 @@ function show(told) {
     $("connection").textContent = "Live";
     $("connection").classList.remove("refused");
     $("count").textContent = told.rows.length
-        ? `${here} of ${told.rows.length}` + (told.nameless ? `, and ${told.nameless} without a name` : "")
+        ? `${here} of ${told.rows.length}${told.nameless ? `, and ${told.nameless} without a name` : ""}`
         : told.nameless ? `${told.nameless} without a name yet` : "";
     $("nobody").hidden = told.rows.length > 0;
     $("people").hidden = told.rows.length === 0;
@@ -161,7 +161,7 @@ function draw(svg, live) {
     svg.setAttribute("viewBox", `${low - 3} ${-0.36 * width} ${width + 6} ${0.46 * width}`);
     const [bed, duct, hands] = svg.children;
     bed.setAttribute("d", `M${low} 4h${width}`);
-    duct.setAttribute("d", "M" + live.duct.map(([x, z]) => `${x} ${-z}`).join("L"));
+    duct.setAttribute("d", `M${live.duct.map(([x, z]) => `${x} ${-z}`).join("L")}`);
     duct.classList.toggle("torn", live.torn);
     hands.setAttribute("d", live.hands.map(([x, z]) => `M${x} ${-z - 1}v-30`).join(""));
 }

@@ -116,7 +116,7 @@
             material.clearcoat *= shaded * smoothstep(0.25, 0.9, vColor.g);
           #endif`);
     };
-    material.customProgramCacheKey = () => "bluntdissect" + bleeds;
+    material.customProgramCacheKey = () => `bluntdissect${bleeds}`;
     material.needsUpdate = true;
     return material;
   };

@@ -299,7 +299,7 @@
               wide[k] = width * (0.62 + 1.15 * flare ** 4);
             }
           } else this.stubs(i, f, A, B, back, width, line, wide);
-          this.ribbon(i * fibres + f, line, wide, taut, back, f);
+          this.ribbon(i * fibres + f, line, wide, taut, f);
         }
       }
       ribbons.changed();
@@ -334,7 +334,7 @@
       }
     }
 
-    ribbon(r, line, wide, taut, back, f) {
+    ribbon(r, line, wide, taut, f) {
       const { position, normal, color } = this.ribbons, { eye } = this, half = POINTS / 2;
       const whole = taut !== PARTED, pull = whole ? clamp(taut, 0, 1) : 0;
       // Light of tissue: rosy and dull where slack, white and opaque where taut.

@@ -21,9 +21,9 @@ document.body.append(said);
 page.say = words => { said.textContent = words; };
 
 // What this tab keeps for itself.
-page.keep = value => { try { sessionStorage.setItem("bd-kept", value); } catch (error) {} };
+page.keep = value => { try { sessionStorage.setItem("bd-kept", value); } catch {} };
 const show = (name, value) => {
-  try { localStorage.setItem(STORED + name, value() ?? ""); } catch (error) {}
+  try { localStorage.setItem(STORED + name, value() ?? ""); } catch {}
 };
 page.showKept = name => show(name, () => sessionStorage.getItem("bd-kept"));
 page.showAsked = (name, key) => show(name, () => new URLSearchParams(location.search).get(key));
@@ -108,7 +108,7 @@ const bound = () => {
 const STORED = "viser-user:";
 const lettersOff = () => {
   try { return localStorage.getItem(STORED + letterKeys) === "off"; }
-  catch (error) { return false; }
+  catch { return false; }
 };
 document.body.addEventListener("keydown", event => {
   const own = event.target.closest?.("input,textarea,[role=slider],[role=tab],[role=option]");
@@ -220,7 +220,7 @@ document.addEventListener("keydown", event => {
   event.stopPropagation();
   const now = Number(thumb.getAttribute("aria-valuenow")) / percent;
   const wanted = (Math.round(10 * now) / 10 + way * (event.shiftKey ? 0.1 : 1)) * percent;
-  const [low, high] = ["min", "max"].map(end => Number(thumb.getAttribute("aria-value" + end)));
+  const [low, high] = ["min", "max"].map(end => Number(thumb.getAttribute(`aria-value${end}`)));
   const field = row.querySelector(".mantine-NumberInput-input");
   write(field, Math.min(Math.max(wanted, low), high).toFixed(digits));
   from.focus();
@@ -253,7 +253,7 @@ page.watchPace = (least, uuid, remedy) => {
 const nameRemedy = (remedy, left) => {
   for (const text of document.querySelectorAll(".mantine-Notification-description"))
     if (text.textContent.includes("software mode") && !text.textContent.includes(remedy)) {
-      text.append(" " + remedy);
+      text.append(` ${remedy}`);
       return;
     }
   if (left) setTimeout(() => nameRemedy(remedy, left - 1), 500);
@@ -303,7 +303,7 @@ const tend = () => {
     field?.setAttribute("aria-disabled", thumb.getAttribute("aria-disabled"));
   }
   for (const [icon, words] of Object.entries(NAMED))
-    for (const svg of document.querySelectorAll(".tabler-icon-" + icon))
+    for (const svg of document.querySelectorAll(`.tabler-icon-${icon}`))
       name(svg.closest("button"), words);
   for (const cross of document.querySelectorAll(".mantine-CloseButton-root")) name(cross, "Close");
   for (const bar of document.querySelectorAll("[role=progressbar]")) name(bar, "Progress");
