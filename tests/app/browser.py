@@ -4,6 +4,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -24,11 +25,14 @@ from playwright.sync_api import (
     sync_playwright,
 )
 from projection import picture_points
+from viser import ClientHandle
 
+from app.simulation import Session
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
 from app.trainer.view.dissect_view import DissectView
 from app.trainer.view.pull_view import PullView
+from app.trainer.viser_bridge.page import run_in_page
 
 CAMERA = """() => {
     const camera = window.__viserMutable.cameraControl, at = camera.camera.position.clone();
@@ -83,6 +87,9 @@ PATIENCE = 180_000
 """ms: software rendering on two busy cores, and a theory that waits in the background until kernels
 are compiled that other pages need. It is waited for conditions, which mostly come at once: that a
 test waits for long is only seen when it fails."""
+AFTER_ITS_LAST = "() => new Promise(done => setTimeout(done, 60))"
+"""Ends when the page has sent what was typed or moved in it: of all fields together viser sends one
+value in 50 ms, the last, and it is the page that counts them."""
 expect.set_options(timeout=PATIENCE)
 ViewT = TypeVar("ViewT", PullView, DissectView)
 
@@ -274,6 +281,12 @@ class TrainerPage:
                 return
             self.page.wait_for_timeout(50)
 
+    def next_picture(self) -> None:
+        """Wait until the page has drawn a picture of all that has come to it."""
+        self.page.evaluate(
+            "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
+
     def camera(self) -> np.ndarray:
         """(2, 3) where the page's camera is and what it looks at, mm on the stage."""
         return np.array(self.page.evaluate(CAMERA)).reshape(2, 3)
@@ -400,9 +413,7 @@ class TrainerPage:
         field = row.locator("input:not([type=hidden])")
         field.fill(str(value))
         field.press("Enter")
-        # Of all fields together viser sends one value in 50 ms, the last: nobody types faster. It
-        # is the page that counts them.
-        self.page.evaluate("() => new Promise(done => setTimeout(done, 60))")
+        self.page.evaluate(AFTER_ITS_LAST)
 
     def figure(self, name: str) -> float:
         """A figure of the read-out, by its data attribute."""
@@ -437,6 +448,40 @@ def _newest(trainer: Trainer, kind: type[ViewT]) -> ViewT:
             return found.view
         assert time.monotonic() < end, f"the newest client shows {found and found.mode}"
         time.sleep(0.02)
+
+
+def stands_still(session: Session) -> bool:
+    """Whether nothing of a pull moves any more, or is going to."""
+    return not session.duct.moves_under(session.grasper)
+
+
+def pass_ticks(tab: TrainerPage, trainer: Trainer, count: int = 2) -> None:
+    """Wait until the trainer has begun so many ticks more, while the page goes on."""
+    until = trainer.timer.ticks + count
+    tab.wait_until(lambda: trainer.timer.ticks >= until)
+
+
+def stop_time(tab: TrainerPage, trainer: Trainer, view: PullView | DissectView) -> None:
+    """Stop a session's time; at the end no tick that began before is at it, and a test may be."""
+    view.state.paused = True
+    pass_ticks(tab, trainer)
+
+
+def settle(tab: TrainerPage, trainer: Trainer, client: ClientHandle) -> None:
+    """Wait until all that a page has sent is taken, and the page has all that came of it.
+
+    For what is to have no effect: one that it had would be seen then.
+    """
+    tab.page.evaluate(AFTER_ITS_LAST)
+    # Messages of a page keep their order, and so do those to it. In a thread of its own:
+    # playwright's loop may be running in this one.
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(client.local_storage.get_item, "nothing", PATIENCE / 1000).result()
+    pass_ticks(tab, trainer, 15)  # a panel is told five times a second
+    number = trainer.timer.ticks
+    run_in_page(client.scene, f"window.settled = {number};")
+    tab.page.wait_for_function(f"() => window.settled === {number}")
+    tab.next_picture()
 
 
 def stage_pixel(tab: TrainerPage, point: tuple[float, ...]) -> tuple[float, float]:

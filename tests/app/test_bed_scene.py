@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import nullcontext
+from queue import Queue
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -11,6 +12,7 @@ import viser
 from browser import new_context
 from numpy.typing import NDArray
 from playwright.sync_api import Browser
+from program import LONGEST
 from simulated import phantom
 
 from app.simulation import BedExercise, Instrument, preset_named
@@ -240,16 +242,15 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     context = new_context(browser, 500, 400)
     try:
-        connected: list[viser.ClientHandle] = []
-        server.on_client_connect(connected.append)
+        connected = Queue[viser.ClientHandle]()
+        server.on_client_connect(connected.put)
         page = context.new_page()
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
-        while not connected:
-            page.wait_for_timeout(100)
+        client = connected.get(timeout=LONGEST)
         session = BedSession(phantom(), vertices=600)
-        drawn = BedScene(connected[0], session, "plain")
+        drawn = BedScene(client, session, "plain")
         lift(session, 7.0)
         reading = session.reading()
         drawn.draw(reading)

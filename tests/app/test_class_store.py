@@ -9,9 +9,9 @@ import socket
 import sqlite3
 import stat
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
+from queue import Queue
 from typing import get_type_hints
 
 import pytest
@@ -19,7 +19,7 @@ from class_runs import asked, dissection, record
 from class_saver import check_killed, killed_while_saving
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from program import refused, run
+from program import LONGEST, refused, run
 from simulated import phantom
 
 from app.classroom import store as store_module
@@ -193,17 +193,16 @@ def test_a_full_disk_is_told_and_what_waits_is_saved_later(
         save(run)  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(store, "save", write)
-    recorder, told = Recorder(store), list[str | None]()
+    recorder, told = Recorder(store), Queue[str | None]()
     kept = record(ann.id)
-    recorder.save(kept.id, lambda: kept, told.append)
-    while not told:
-        time.sleep(0.01)
-    assert told[0] is not None
-    assert "full" in told[0]
+    recorder.save(kept.id, lambda: kept, told.put)
+    trouble = told.get(timeout=LONGEST)
+    assert trouble is not None
+    assert "full" in trouble
     assert store.runs() == []
     full.clear()
-    while None not in told:
-        time.sleep(0.01)
+    while told.get(timeout=LONGEST) is not None:
+        pass
     recorder.stop()
     assert [each.id for each in store.runs()] == [kept.id]
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from browser import TrainerPage, newest, newest_dissection, trainer_page
+from browser import TrainerPage, newest, newest_dissection, stop_time, trainer_page
 from playwright.sync_api import Browser, expect
 from projection import picture_points
 from simulated import phantom
@@ -60,12 +60,12 @@ def drag(
     mouse.down(button=button)
     for step in range(1, 9):
         mouse.move(start[0] + way[0] * step / 8, start[1] + way[1] * step / 8)
-        tab.page.wait_for_timeout(60)
+        tab.next_picture()
 
 
 def still(session: BedSession) -> bool:
-    """Whether both hands are where they are wanted and nothing yields any more."""
-    return not session.advance(0) and all(hand.arrived for hand in session.duct.hands)
+    """Whether both hands are where they are wanted."""
+    return all(hand.arrived for hand in session.duct.hands)
 
 
 def playback(view: DissectView) -> ReplayPlayback[BedSession]:
@@ -398,7 +398,7 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
             kind = "touchMove" if step else "touchStart"
             points = [{"x": x, "y": y - 5.0 * step}]
             finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-            page.wait_for_timeout(100)
+            tab.next_picture()
         tab.wait_until(lambda: held() and target()[2] > 0.5)
         finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
         tab.wait_until(lambda: not held())
@@ -419,7 +419,7 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         tab.press("Start")
         expect(page.get_by_test_id("exercise-state")).to_contain_text("first touch")
         expect(page.get_by_test_id("task")).to_contain_text(exercise.limit)
-        view.state.paused = True  # time goes by the hands' own ticks
+        stop_time(tab, dissections, view)  # it goes by the hands' own ticks
         for _ in script(session, session.duct, exercise, MANNERS[exercise.name]["good"]):
             session.advance()
             if session.run.over:
@@ -464,7 +464,7 @@ def test_figures_hidden_in_an_exercise_are_hidden(browser: Browser, dissections:
         (exercise, *_) = view.session.exercises_offered()
         view.state.show(colours="stress")
         view.state.start_exercise(exercise, Feedback.SUMMARY)
-        view.session.choose_instrument(1, exercise.instruments[0])
+        view.state.choose_instrument(1, exercise.instruments[0])
         tab.page.locator("[data-testid=readout][data-hidden='1']").wait_for()
         expect(tab.page.get_by_test_id("heat-legend")).to_have_count(0)
         tab.wait_until(lambda: not tab.charts())

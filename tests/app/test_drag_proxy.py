@@ -46,8 +46,9 @@ def test_drag_gives_places_under_the_mouse_and_leaves_the_camera(
         tab.aim(start)
         mouse.down()
         for step in range(1, 9):
+            came = len(phases)
             mouse.move(start[0] + 3.0 * step, start[1] - 9.0 * step)
-            tab.page.wait_for_timeout(80)
+            tab.wait_until(lambda came=came: len(phases) > came)
 
         def arrived() -> bool:
             end = stage_pixel(tab, tuple(holds[-1].place))

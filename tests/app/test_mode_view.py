@@ -6,6 +6,7 @@ from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
+from program import LONGEST
 from simulated import phantom
 
 from app.simulation import ApproachBreak, Session
@@ -57,7 +58,7 @@ def test_a_pull_that_goes_on_after_an_exercise_takes_no_result_away(view: View) 
     view.state.set_target_force(2.1)
     assert view.session.run is run
     view.tick(0.2)
-    assert view.shown.wait(30.0)
+    assert view.shown.wait(LONGEST)
     assert [each.outcome for each in view.results] == [run.outcome]
     assert run.outcome is not None
     assert view.session.grasper.slider_force == 0.0
@@ -73,12 +74,12 @@ def test_a_result_waits_for_no_long_work_of_others(view: View) -> None:
     go = threading.Event()
 
     def work() -> None:
-        assert go.wait(60.0)
+        go.wait()
 
     view.state.workers.background.submit("another page's", work)
     try:
         finish_exercise(view)
         view.tick(0.2)
-        assert view.shown.wait(30.0)
+        assert view.shown.wait(LONGEST)
     finally:
         go.set()

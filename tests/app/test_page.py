@@ -11,7 +11,11 @@ from browser import (
     TrainerPage,
     new_context,
     newest,
+    pass_ticks,
+    settle,
     stage_pixel,
+    stands_still,
+    stop_time,
     trainer_page,
 )
 from playwright.sync_api import Browser, Download, Locator, expect
@@ -63,7 +67,7 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
         mouse.down()
         for step in range(1, 7):
             mouse.move(start[0], start[1] - 14.0 * step)
-            tab.page.wait_for_timeout(80)
+            tab.next_picture()
         tab.wait_until(lambda: session.reading().by_hand and session.reading().deflection > 2.0)
         # The hand sets the displacement where it has taken hold, the beam answers with the force.
         assert session.duct.grasp == pytest.approx(31.4, abs=0.7)
@@ -144,7 +148,7 @@ def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer:
         expect(tab.page.get_by_role("dialog")).to_have_count(0)
         tab.slide("Force F (N)", 2.5)
         tab.wait_for_force(2.5)
-        tab.page.wait_for_timeout(500)
+        settle(tab, trainer, view.client)
         assert session.grasper.slider_force == 2.5
         assert tab.slider("Force F (N)") == 2.5
 
@@ -166,7 +170,9 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         keyboard.press("p")
         tab.wait_until(lambda: view.state.paused)
         expect(tab.readout).to_contain_text("Paused")
+        pass_ticks(tab, trainer)
         tab.slide("Force F (N)", 1.0)
+        tab.wait_until(lambda: session.grasper.slider_force == 1.0)
         held = session.reading()
         assert held.force == 3.0
         assert held.phase is Phase.INTACT
@@ -174,7 +180,7 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         wanted = session.stress(np.empty_like(shares[0])) / session.duct.threshold
         np.testing.assert_array_equal(shares[0], wanted)
         assert shares[0].max() == pytest.approx(1.0 - held.check.distance_to_break, abs=0.05)
-        tab.page.wait_for_timeout(400)
+        settle(tab, trainer, view.client)
         assert session.reading() == held
 
         tab.open("Model")
@@ -343,7 +349,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         assert [distance[2][0], distance[3][0]] == [15.0, 0.0]  # the goal: the margin
 
         # Replay it: at its end the page shows what the run has shown, and then the live duct.
-        tab.wait_until(lambda: not session.advance(0))  # it has sprung back
+        tab.wait_until(lambda: stands_still(session))  # it has sprung back
         live = session.reading()
         tab.press("Watch it again")
         expect(tab.page.get_by_text("Time (s)", exact=True)).to_be_visible(timeout=PATIENCE)
@@ -417,7 +423,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         tab.wait_for_disabled("Force F (N)")
         field.focus()
         expect(field).not_to_be_focused()
-        tab.page.wait_for_timeout(500)
+        settle(tab, trainer, view.client)
         assert not session.run.started
         assert session.reading().force == 0.0
 
@@ -439,7 +445,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
 
         # Held, it counts down: at the goal and in the tab. Time goes by the test's own ticks.
         tab.open("Learn")
-        view.state.paused = True
+        stop_time(tab, trainer, view)
         run = session.run
         middle = 0.5 * (gentle.low_mm + gentle.high_mm)
         session.grab(session.duct.grasp)
@@ -601,7 +607,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         session.grab(25.4)
         session.move_hand(6.0)
         tab.wait_until(lambda: session.reading().deflection > 5.9)
-        tab.page.wait_for_timeout(300)
+        settle(tab, trainer, view.client)
         tab.wait_until(lambda: seen(tab, "skin") and not seen(tab, "skin_stress"))
         assert not seen(tab, "force")
         assert tab.readout.get_attribute("data-force-n") is None
@@ -615,7 +621,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         tab.page.evaluate(
             "() => window.__viserMutable.sendMessage({...window.__update, updates: {value: 400}})"
         )
-        tab.page.wait_for_timeout(300)
+        settle(tab, trainer, view.client)
         assert session.duct.threshold == threshold
         tab.open("Learn")
         tab.press("Stop")
@@ -639,7 +645,7 @@ def test_fading_feedback_comes_and_goes_and_is_gone_after_half_a_minute(
         tab.page.get_by_test_id("exercise-state").wait_for()
         assert session.run.feedback is Feedback.FADING
         expect(hidden).to_have_count(0)  # nothing is hidden before the first pull
-        state.paused = True  # time goes by the test's own ticks
+        stop_time(tab, trainer, view)  # it goes by the test's own ticks
         session.grab(25.4)
         session.move_hand(2.0)
 
@@ -739,7 +745,7 @@ def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Br
             page = context.new_page()
             page.goto(f"{trainer.address}/?fixedDpr=1")
             expect(page.get_by_text(re.compile("1 trainees are at work"))).to_be_visible(
-                timeout=60_000
+                timeout=PATIENCE
             )
             context.close()
     finally:

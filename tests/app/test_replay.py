@@ -198,7 +198,7 @@ def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) 
 def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> None:
     session = Session(phantom(), vertices=300)
     session.set_threshold(session.duct.threshold_range[1])
-    over = threading.Event()
+    over, turns = threading.Event(), threading.Semaphore(0)
 
     def write(seed: int) -> None:
         random = np.random.default_rng(seed)
@@ -207,17 +207,19 @@ def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> Non
             session.set_target_force(float(random.random()))
             session.grab(50.8 * float(random.random()))
             session.set_grasp(50.8 * float(random.random()))
-            over.wait(0.002)
+            turns.acquire()
 
     threads = [threading.Thread(target=write, args=(seed,)) for seed in range(3)]
     for thread in threads:
         thread.start()
     for _ in range(30):
+        turns.release(6)
         session.advance()
-        over.wait(0.003)
     over.set()
+    turns.release(len(threads))
     for thread in threads:
         thread.join()
+    session.advance()  # the last of them may have begun another run
     original = session.run_file()
     assert original.log.ticks > 0
     assert len(original.log.inputs) > 30

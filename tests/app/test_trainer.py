@@ -15,7 +15,7 @@ from typing import Any, cast
 import cv2
 import numpy as np
 import pytest
-from browser import TrainerPage, trainer_page
+from browser import TrainerPage, stands_still, trainer_page
 from browser import newest as newest_view
 from playwright.sync_api import Browser, expect
 from program import ENTRY, LONGEST, command, free_port, refused, started
@@ -100,7 +100,7 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
             field.focus()
             expect(field).not_to_be_focused()  # and take nothing
         session = newest(trainer)
-        tab.wait_until(lambda: not session.advance(0))  # the pieces have stopped swinging
+        tab.wait_until(lambda: stands_still(session))  # the pieces have stopped swinging
         tab.wait_until(
             lambda: _drawn_gap(tab) == pytest.approx(_gap(*drawn(trainer)), abs=SINGLE_PRECISION)
         )

@@ -5,7 +5,16 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from browser import CAMERA_NEAR, RADIUS, TrainerPage, newest, stage_pixel, trainer_page
+from browser import (
+    CAMERA_NEAR,
+    RADIUS,
+    TrainerPage,
+    newest,
+    settle,
+    stage_pixel,
+    stands_still,
+    trainer_page,
+)
 from other_programs import package
 from playwright.sync_api import Browser, Page, expect
 
@@ -13,11 +22,11 @@ from app.simulation import Session
 from app.trainer.server.trainer import Trainer
 
 
-def drag(page: Page, start: tuple[float, float], end: tuple[float, float]) -> None:
-    page.mouse.move(*start)
+def drag(tab: TrainerPage, start: tuple[float, float], end: tuple[float, float]) -> None:
+    tab.page.mouse.move(*start)
     for step in np.linspace(0.1, 1.0, 8):
-        page.mouse.move(*(np.array(start) + step * np.subtract(end, start)))
-        page.wait_for_timeout(50)
+        tab.page.mouse.move(*(np.array(start) + step * np.subtract(end, start)))
+        tab.next_picture()
 
 
 def test_view_stays_above_the_bed_and_comes_home(browser: Browser, trainer: Trainer) -> None:
@@ -26,7 +35,8 @@ def test_view_stays_above_the_bed_and_comes_home(browser: Browser, trainer: Trai
         view = newest(trainer)
         at_home = tab.wait_for_camera(view, free=True)
         page.keyboard.down("a")  # viser walks by letters
-        page.wait_for_timeout(400)
+        for _ in range(20):
+            tab.next_picture()
         page.keyboard.up("a")
         np.testing.assert_allclose(tab.rest(), at_home, atol=CAMERA_NEAR)
         ways_home = (
@@ -38,7 +48,7 @@ def test_view_stays_above_the_bed_and_comes_home(browser: Browser, trainer: Trai
             for button in ("left", "right"):
                 mouse.move(60, 500)
                 mouse.down(button=button)
-                drag(page, (60, 500), (480, 80))
+                drag(tab, (60, 500), (480, 80))
                 mouse.up(button=button)
             for _ in range(25):
                 mouse.wheel(0, -400)
@@ -83,7 +93,7 @@ def test_a_press_beside_the_duct_takes_it_and_a_finger_is_wider_than_a_mouse(
         assert 16 <= reach["touch"] <= 34  # and as much on the other side: a finger's width
         tab.aim((x, edge - 4.0))
         page.mouse.down()
-        drag(page, (x, edge - 4.0), (x, edge - 40.0))
+        drag(tab, (x, edge - 4.0), (x, edge - 40.0))
         tab.wait_until(lambda: session.reading().by_hand)
         line = page.evaluate(
             "() => { const found = window.__viserMutable.scene.children"
@@ -96,11 +106,11 @@ def test_a_press_beside_the_duct_takes_it_and_a_finger_is_wider_than_a_mouse(
 
         page.keyboard.press("t")
         tab.wait_for_phase("torn")
-        tab.wait_until(lambda: not session.advance(0))  # the pieces have stopped swinging
+        tab.wait_until(lambda: stands_still(session))  # the pieces have stopped swinging
         stump = stage_pixel(tab, (42.0, 0.0, 0.0))
         tab.aim(stump)
         page.mouse.down()
-        drag(page, stump, (stump[0], middle - 60.0))
+        drag(tab, stump, (stump[0], middle - 60.0))
         page.mouse.up()
         expect(page.get_by_text("A torn duct holds no pull")).to_have_count(1)
         np.testing.assert_allclose(tab.rest(), at_home, atol=1e-3)
@@ -291,7 +301,7 @@ def test_arrows_pull_by_percents_letters_can_rest_and_only_changes_are_said(
         page.keyboard.press("Escape")
         expect(page.get_by_role("dialog")).to_have_count(0)
         page.keyboard.press("r")
-        page.wait_for_timeout(1000)
+        settle(tab, trainer, newest(trainer).client)
         assert _wished(session) > 2.0
         tab.press("Help")
         expect(page.get_by_role("checkbox", name="Letter keys")).not_to_be_checked()
