@@ -477,10 +477,15 @@ def settle(tab: TrainerPage, trainer: Trainer, client: ClientHandle) -> None:
     # playwright's loop may be running in this one.
     with ThreadPoolExecutor(1) as pool:
         pool.submit(client.local_storage.get_item, "nothing", PATIENCE / 1000).result()
-    pass_ticks(tab, trainer, 15)  # a panel is told five times a second
+    catch_up(tab, trainer, client, ticks=15)  # a panel is told five times a second
+
+
+def catch_up(tab: TrainerPage, trainer: Trainer, client: ClientHandle, ticks: int = 2) -> None:
+    """Wait for some ticks, and until the page has drawn all that was sent to it until then."""
+    pass_ticks(tab, trainer, ticks)
     number = trainer.timer.ticks
-    run_in_page(client.scene, f"window.settled = {number};")
-    tab.page.wait_for_function(f"() => window.settled === {number}")
+    run_in_page(client.scene, f"window.caughtUp = {number};")
+    tab.page.wait_for_function(f"() => window.caughtUp === {number}")
     tab.next_picture()
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from browser import TrainerPage, newest, newest_dissection, stop_time, trainer_page
+from browser import TrainerPage, catch_up, newest, newest_dissection, stop_time, trainer_page
 from playwright.sync_api import Browser, expect
 from projection import picture_points
 from simulated import phantom
@@ -46,6 +46,7 @@ def pixel(tab: TrainerPage, view: DissectView, place: np.ndarray) -> tuple[float
 
 def drag(
     tab: TrainerPage,
+    trainer: Trainer,
     view: DissectView,
     place: np.ndarray,
     way: tuple[float, float],
@@ -54,6 +55,7 @@ def drag(
     """Press at a place of the duct's frame and move the mouse by pixels, without letting go."""
     tab.wait_for_node("grip")
     tab.wait_for_camera(view)
+    catch_up(tab, trainer, view.client)  # what was there before could be taken in its place
     start = pixel(tab, view, place)
     mouse = tab.page.mouse
     tab.aim(start)
@@ -86,7 +88,7 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
     with trainer_page(browser, dissections.address) as tab:
         view = newest_dissection(dissections)
         session = view.session
-        drag(tab, view, aside(view, 20.0), (0.0, -70.0))
+        drag(tab, dissections, view, aside(view, 20.0), (0.0, -70.0))
         tab.wait_until(lambda: session.reading().parted > 20 and still(session))
         assert session.reading().torn_at is None
         assert session.reading().held == (True, False)
@@ -130,7 +132,7 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
         assert session.reading().peak_share >= reading.peak_share
 
         # It takes hold again elsewhere, and is led along the duct.
-        drag(tab, view, aside(view, 32.0), (25.0, -25.0))
+        drag(tab, dissections, view, aside(view, 32.0), (25.0, -25.0))
         tab.wait_until(lambda: session.reading().held == (True, False))
         assert session.duct.held_at(0) == pytest.approx(32.0, abs=1.5)
         tab.wait_until(lambda: session.duct.hands[0].place[0] > 33.0)
@@ -150,7 +152,7 @@ def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
         session, page = view.session, tab.page
         page.keyboard.press("x")  # the right hand, which has a grasper
         tab.wait_until(lambda: view.state.hand == 1)
-        drag(tab, view, aside(view, 36.0), (0.0, -60.0))
+        drag(tab, dissections, view, aside(view, 36.0), (0.0, -60.0))
         tab.wait_until(lambda: session.reading().forces[1][2] > 0.1)
         tab.wait_until(lambda: still(session) and session.duct.hands[1].place[2] > 1.0)
         page.mouse.up()
@@ -161,7 +163,7 @@ def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
         # The other hand works meanwhile.
         page.keyboard.press("x")
         tab.wait_until(lambda: view.state.hand == 0)
-        drag(tab, view, aside(view, 12.0), (0.0, -50.0))
+        drag(tab, dissections, view, aside(view, 12.0), (0.0, -50.0))
         tab.wait_until(lambda: session.reading().held == (True, True))
         page.mouse.up()
         tab.wait_until(lambda: session.reading().held == (False, True))
@@ -350,7 +352,7 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
             return session.reading().held[0]
 
         page.keyboard.down("Shift")
-        drag(tab, view, aside(view, 20.0), (0.0, -30.0))
+        drag(tab, dissections, view, aside(view, 20.0), (0.0, -30.0))
         tab.wait_until(lambda: target()[1] > 0.8)
         assert target()[2] == pytest.approx(0.0, abs=0.2)
         # Without Shift the same drag goes on, now in the plane of the screen; a page that draws
@@ -372,7 +374,7 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
         tab.wait_until(lambda: not held())
 
         view.state.reset()
-        drag(tab, view, aside(view, 20.0), (0.0, -30.0), button="right")
+        drag(tab, dissections, view, aside(view, 20.0), (0.0, -30.0), button="right")
         tab.wait_until(lambda: held() and target()[1] > 0.8)
         assert target()[2] == pytest.approx(0.0, abs=0.2)
         page.mouse.up(button="right")
@@ -382,7 +384,7 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
         view.state.reset()
         tab.tick("Into the picture")
         tab.wait_until(lambda: view.state.into_picture)
-        drag(tab, view, aside(view, 20.0), (0.0, -30.0))
+        drag(tab, dissections, view, aside(view, 20.0), (0.0, -30.0))
         tab.wait_until(lambda: held() and target()[1] > 0.8)
         page.mouse.up()
         tab.tick("Into the picture")
@@ -390,6 +392,7 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
 
         view.state.reset()
         tab.wait_for_camera(view)
+        catch_up(tab, dissections, view.client)
         camera = view.client.camera.position.copy()
         finger = page.context.new_cdp_session(page)
         x, y = pixel(tab, view, aside(view, 20.0))
