@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from program import refused, run
+from program import LONGEST, refused, run
 from simulated import phantom, replayed, settle
 
 from app.command_line.replay import replay
@@ -198,7 +198,7 @@ def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) 
 def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> None:
     session = Session(phantom(), vertices=300)
     session.set_threshold(session.duct.threshold_range[1])
-    over, turns = threading.Event(), threading.Semaphore(0)
+    over, turns, wrote = threading.Event(), threading.Semaphore(0), threading.Semaphore(0)
 
     def write(seed: int) -> None:
         random = np.random.default_rng(seed)
@@ -207,6 +207,7 @@ def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> Non
             session.set_target_force(float(random.random()))
             session.grab(50.8 * float(random.random()))
             session.set_grasp(50.8 * float(random.random()))
+            wrote.release()
             turns.acquire()
 
     threads = [threading.Thread(target=write, args=(seed,)) for seed in range(3)]
@@ -215,6 +216,8 @@ def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> Non
     for _ in range(30):
         turns.release(6)
         session.advance()
+        for _ in range(6):
+            assert wrote.acquire(timeout=LONGEST)
     over.set()
     turns.release(len(threads))
     for thread in threads:
