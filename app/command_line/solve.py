@@ -1,6 +1,7 @@
 """`bluntdissect solve`: one beam under one pull, in numbers."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -229,4 +230,6 @@ def _solve_in_bed(
     beam = specimen.space_beam(elements=options.elements, nodes_at=[at])
     hand = Hand(at=at, path=path, steps=options.steps)
     history = pull(beam, specimen.layer(beam, options.strands), [hand])
+    if specimen.doubt:
+        history = replace(history, notes=(*history.notes, specimen.doubt))
     report_history(history, specimen.threshold, output, law=specimen.preset.law, as_json=as_json)

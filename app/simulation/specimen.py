@@ -14,6 +14,9 @@ from physics.quantity import positive
 
 __all__ = ["Specimen"]
 
+LINEAR_UP_TO = 0.3
+"""Strength over modulus up to which every duct of the linear law breaks (docs/theory.md)."""
+
 
 @dataclass(frozen=True)
 class Specimen:
@@ -83,6 +86,20 @@ class Specimen:
         if self.threshold_MPa is not None:
             return self.threshold_MPa
         return self.preset.threshold(self.solved_by, self.beam)
+
+    @property
+    def doubt(self) -> str:
+        """Why its law is not good up to its strength, or nothing."""
+        if self.preset.law != "linear" or self.organ is None:
+            return ""
+        most = LINEAR_UP_TO * self.beam.modulus
+        if self.threshold <= most:
+            return ""
+        return (
+            "by the linear law a section shears instead of being stretched beyond some "
+            f"{1e3 * most:.4g} kPa, below the threshold: the duct may never break, and its "
+            "distance to break may rise while it is stretched"
+        )
 
     @property
     def section(self) -> str:

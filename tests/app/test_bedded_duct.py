@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from app.simulation import Replay
+from app.simulation import Replay, RoundBeam, Specimen, preset_named, presets
 from app.simulation.bed import BedSession
 from assets import BILE_DUCT
 from organ_geometry import read_organ
+from physics.bed import BeamOnBed
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -228,3 +229,33 @@ def test_a_divided_duct_is_lifted_off_its_bed_by_its_free_end(session: BedSessio
         assert moved[-1, 2] == pytest.approx(8.0 if divided else 0.0, abs=2.0 * divided)
     assert shares[1] < 0.5 * shares[0]
     assert duct.freed_stretches()[-1][1] == pytest.approx(50.8)
+
+
+@pytest.mark.parametrize("name", [each for each in presets() if "rubber" not in each])
+@pytest.mark.parametrize("count", [8, pytest.param(100, marks=pytest.mark.long)])
+def test_a_hook_tears_every_preset_s_duct_wherever_it_pulls(name: str, count: int) -> None:
+    """Before the duct is twice as long, its distance to break only falling."""
+    preset, rng = preset_named(name), np.random.default_rng(5)
+    organ = None if isinstance(preset.beam, RoundBeam) else read_organ(BILE_DUCT)
+    specimen = Specimen.of_sections(preset, organ)
+    rest = specimen.space_beam(elements=40)
+    for _ in range(count):
+        direction = rng.normal(size=3)
+        held = BeamOnBed(rest)
+        node = held.take(rest.span * rng.uniform(0.2, 0.8))
+        start, ends = held.places[node].copy(), held.places[[0, -1]]
+        direction /= np.sqrt(direction @ direction)
+        sides = before = np.sqrt(((ends - start) ** 2).sum(axis=1))
+        share = seen = 0.0
+        for tick in range(1, 4000):
+            held.lead(node, start + direction * (tick * rest.span / 400.0))
+            held.tick(1e-3)
+            share = held.worst_stress().total / specimen.threshold
+            sides = np.sqrt(((ends - held.places[node]) ** 2).sum(axis=1))
+            if share >= 1.0:
+                break
+            if np.all(sides >= before):  # a side that is squeezed may buckle
+                assert share >= seen - 2e-3
+                seen = max(seen, share)
+        assert share >= 1.0
+        assert sides.sum() < 2.0 * rest.span

@@ -296,3 +296,20 @@ def test_help_names_every_bed_and_each_has_its_source() -> None:
         assert len(bed.source) > 40 or bed.name == "scar"
         assert bed.confidence == "low"  # nobody has published the tissue around a bile duct
         assert bed.confidence_note
+
+
+def test_solve_in_a_bed_takes_a_law_and_says_where_the_linear_one_is_not_good() -> None:
+    own = ("solve", "--bed", "loose", "--preset", "assumed-duct", "--lift", 8, "--steps", 4)
+    own = (*own, "--elements", 40, "--json")
+    linear, fitting = (
+        json.loads(run(*own, *law).stdout) for law in (("--law", "linear"), ("--law", "neo-hooke"))
+    )
+    assert json.loads(run(*own).stdout) == fitting
+    assert "93.08 kPa, below the threshold" in linear["notes"][-1]
+    assert "notes" not in fitting
+    assert linear["law"] == "linear"
+    stiff = json.loads(run(*own, "--law", "exponential", "--stiffening", 8).stdout)
+    found = [each["distance_to_break_percent"] for each in (linear, fitting, stiff)]
+    assert found[2] < found[0] < found[1]
+    assert "the exponential law has a stiffening" in refused([*own, "--law", "exponential"])
+    assert "--law must be linear" in refused([*own, "--law", "cauchy"])
