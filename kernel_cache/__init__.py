@@ -16,13 +16,15 @@ import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numba
 from numba import njit
 from numba.core import caching, config, event
 
-__all__ = ["SameTypes", "njit", "sources"]
+__all__ = ["SameTypes", "njit", "side_by_side", "sources"]
+
+F = TypeVar("F", bound=Callable[..., object])
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("physics", "organ_geometry", "app")
@@ -134,23 +136,40 @@ class SameTypes:
         return self._compiled(*arguments)
 
 
-class _NoCollection(event.Listener):
-    """Switches the collection of cycles off until the kernel and all that it calls are compiled."""
+_SIDE_BY_SIDE: set[Any] = set()
+
+
+def side_by_side(kernel: F) -> F:
+    """Mark a kernel to be compiled with neighbouring numbers in one instruction; the same bits."""
+    # LLVM's vectors of scalars (SLP), which numba leaves off: they cost a quarter of the speed of
+    # kernels of long expressions, and make one of small matrices some three times as fast.
+    _SIDE_BY_SIDE.add(cast(Any, kernel).py_func)
+    return kernel
+
+
+class _Compilation(event.Listener):
+    """What holds while a kernel and all that it calls are compiled.
+
+    Cycles are not collected, and neighbouring numbers are taken together in kernels marked so.
+    """
 
     # Numba's compiler lock is held while these are called.
-    _depth = 0
-    _was_on = False
+    def __init__(self) -> None:
+        self._was: list[Any] = []
+        self._collected = False
 
-    def on_start(self, event: object) -> None:
-        if not self._depth:
-            self._was_on = gc.isenabled()
+    def on_start(self, event: Any) -> None:
+        if not self._was:
+            self._collected = gc.isenabled()
             gc.disable()
-        self._depth += 1
+        self._was.append(getattr(config, "SLP_VECTORIZE", 0))
+        kernel = event.data["dispatcher"].py_func
+        config.SLP_VECTORIZE = int(kernel in _SIDE_BY_SIDE)  # pyright: ignore[reportAttributeAccessIssue]
 
-    def on_end(self, event: object) -> None:
-        self._depth -= 1
-        if not self._depth and self._was_on:
+    def on_end(self, event: Any) -> None:
+        config.SLP_VECTORIZE = self._was.pop()  # pyright: ignore[reportAttributeAccessIssue]
+        if not self._was and self._collected:
             gc.enable()
 
 
-event.register("numba:compile", _NoCollection())  # pyright: ignore[reportUnknownMemberType]
+event.register("numba:compile", _Compilation())  # pyright: ignore[reportUnknownMemberType]

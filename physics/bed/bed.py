@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from physics.bed.network import Network
 from physics.bed.space_beam import SpaceBeam
 from physics.bed.strands import Strands
 from physics.quantity import finite, positive
@@ -13,6 +15,12 @@ from physics.quantity import finite, positive
 __all__ = ["Bed", "Patch"]
 
 Floats = NDArray[np.float64]
+
+# mm: steps in which the nearest place of another tube is looked for; shortest strand between tubes.
+ALONG, THINNEST = 0.25, 0.3
+# Part of both radii within which axes cross, as where tubes join: there is nothing between them.
+CROSSING = 0.8
+SHORTEST, FORWARD = 0.4, 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,31 +122,19 @@ class Bed:
         """Return the same bed with more adhesions."""
         return replace(self, patches=(*self.patches, *patches))
 
-    def strands_under(self, beam: SpaceBeam) -> Strands:
-        """Return the bed's strands under a beam at rest."""
-        a, b = self._reach(beam.span)
-        count = self.strands
-        spacing = (b - a) / count
-        drawn = np.random.default_rng(self.seed).random((15, count))
-        place = 0.5 + self.jitter * (drawn[0] - 0.5)
-        stations: Floats = a + (np.arange(count, dtype=np.float64) + place) * spacing
-        radius = np.interp(stations, beam.stations, beam.radius)
-        zero = np.zeros(count)
+    def strands_under(
+        self, beam: SpaceBeam, up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    ) -> Strands:
+        """Return the bed's strands under a beam at rest, `up` the unit direction away from it."""
+        drawn = np.random.default_rng(self.seed).random((15, self.strands))
+        stations, radius = self._stations(beam, drawn)
+        zero = np.zeros(self.strands)
         angles = zero if self.around is None else self.around * (2.0 * drawn[1] - 1.0)
         out = zero if self.around is None else radius
         lean = (
             self.gap * math.tan(self.fan) * np.stack([_bell(drawn[2:5]), _bell(drawn[5:8])], axis=1)
         )
-        energy = self._at(self.toughness, stations) * spacing
-        stiffness = self._at(self.stiffness, stations) * spacing
-        for patch in self.patches:
-            inside = (stations >= patch.from_mm) & (stations <= patch.to_mm)
-            energy[inside] *= patch.factor
-            stiffness[inside] *= patch.factor
-        tough = _scattered(drawn[9:12], self.scatter)
-        energy *= tough
-        stiffness *= tough * _scattered(drawn[12:15], self.stiffness_scatter)
-        yield_elongation = np.sqrt(2.0 * energy / (stiffness * self.softening))
+        stiffness, yield_elongation = self._law(beam, stations, drawn)
         return Strands.between(
             beam,
             stations,
@@ -151,7 +147,106 @@ class Bed:
             yield_elongation=yield_elongation,
             failure_elongation=self.softening * yield_elongation,
             bilateral=self.bilateral,
+            up=up,
         )
+
+    def strands_between(
+        self,
+        network: Network,
+        tube: str,
+        to: str,
+        *,
+        reach: float = math.inf,
+        side: Literal["facing", "front", "back"] = "facing",
+    ) -> Strands:
+        """Return the layer's strands from one tube of a network to another.
+
+        Each goes from its place to the nearest place of the other tube, leaning by the layer's fan,
+        from wall to wall within the angle `around` of the straight line between both axes. One
+        shorter than the layer's gap stretches less far, at the same energy, down to `SHORTEST` of
+        it: else a thin sheet would not part.
+
+        Parameters
+        ----------
+        network
+            The tubes at rest.
+        tube, to
+            Names of both.
+        reach
+            Longest gap between both walls that is spanned, mm; there are no strands where it is
+            wider, or where tubes meet.
+        side
+            Whether strands hold the sides that face each other, or lie more in front (towards z)
+            or behind.
+
+        Returns
+        -------
+        Strands
+            As many as there is room for.
+        """
+        names = list(network.tubes)
+        one, other = network.tubes[tube], network.tubes[to]
+        drawn = np.random.default_rng(self.seed).random((15, self.strands))
+        stations, radius = self._stations(one, drawn)
+        place, along = one.places_at(stations)
+        line: Floats = np.linspace(0.0, other.span, 1 + math.ceil(other.span / ALONG))
+        far: Floats = ((other.places_at(line)[0] - place[:, None]) ** 2).sum(axis=2)
+        lean: Floats = math.tan(self.fan) * self.gap * _bell(drawn[2:5])
+        feet_at: Floats = np.clip(line[far.argmin(axis=1)] + lean, 0.0, other.span)
+        foot, foot_along = other.places_at(feet_at)
+        thick: Floats = np.interp(feet_at, other.stations, other.radius)
+        spread = np.zeros(self.strands)
+        if self.around is not None:
+            spread = self.around * (2.0 * drawn[1] - 1.0)
+        way: Floats = foot - place
+        away = np.sqrt((way**2).sum(axis=1))
+        front = {"facing": 0.0, "front": 1.0, "back": -1.0}[side]
+        ends = place + radius[:, None] * _around(way, along, spread, front)
+        feet = foot + thick[:, None] * _around(-way, foot_along, -spread, front)
+        length = np.sqrt(((feet - ends) ** 2).sum(axis=1))
+        both = radius + thick
+        there: NDArray[np.bool_] = (
+            (away - both <= reach) & (length >= THINNEST) & (away >= CROSSING * both)
+        )
+        stiffness, yields = self._law(one, stations, drawn)
+        shorter: Floats = np.clip(length / self.gap, SHORTEST, 1.0)
+        yields, stiffness = yields * shorter, stiffness / shorter**2
+        return Strands(
+            stations[there],
+            ends[there],
+            feet[there],
+            stiffness[there],
+            (length + self.slack * drawn[8])[there],
+            yields[there],
+            (self.softening * yields)[there],
+            np.full(int(there.sum()), float(self.bilateral)),
+            np.full(int(there.sum()), names.index(tube)),
+            np.full(int(there.sum()), names.index(to)),
+            feet_at[there],
+        )
+
+    def _stations(self, beam: SpaceBeam, drawn: Floats) -> tuple[Floats, Floats]:
+        """Return the (S,) places of the strands on a beam, and its radius there, mm."""
+        a, b = self._reach(beam.span)
+        place = 0.5 + self.jitter * (drawn[0] - 0.5)
+        spacing = (b - a) / self.strands
+        stations: Floats = a + (np.arange(self.strands, dtype=np.float64) + place) * spacing
+        return stations, np.interp(stations, beam.stations, beam.radius)
+
+    def _law(self, beam: SpaceBeam, stations: Floats, drawn: Floats) -> tuple[Floats, Floats]:
+        """Return the (S,) stiffnesses and yield elongations of strands at stations of a beam."""
+        a, b = self._reach(beam.span)
+        spacing = (b - a) / self.strands
+        energy = self._at(self.toughness, stations) * spacing
+        stiffness = self._at(self.stiffness, stations) * spacing
+        for patch in self.patches:
+            inside = (stations >= patch.from_mm) & (stations <= patch.to_mm)
+            energy[inside] *= patch.factor
+            stiffness[inside] *= patch.factor
+        tough = _scattered(drawn[9:12], self.scatter)
+        energy *= tough
+        stiffness *= tough * _scattered(drawn[12:15], self.stiffness_scatter)
+        return stiffness, np.sqrt(2.0 * energy / (stiffness * self.softening))
 
     def floor_under(self, beam: SpaceBeam) -> Floats:
         """Return the (N,) stiffnesses of the bed's floor at a beam's nodes, N/mm."""
@@ -183,6 +278,18 @@ class Bed:
         if self.stations is None or not isinstance(value, tuple):
             return np.full(at.size, value)
         return np.asarray(np.interp(at, self.stations, value), dtype=np.float64)
+
+
+def _around(way: Floats, along: Floats, angle: Floats, front: float) -> Floats:
+    """Return (S, 3) unit directions across axes, at angles from ways that lead to another tube."""
+    # A layer in front has its angles turned by `FORWARD` of what there is to straight forward.
+    first = way - (way * along).sum(axis=1)[:, None] * along
+    first /= np.maximum(np.sqrt((first**2).sum(axis=1)), 1e-9)[:, None]
+    second = np.cross(along, first)
+    if front:
+        ahead = np.arctan2(front * second[:, 2], front * first[:, 2])
+        angle = angle + FORWARD * ahead
+    return np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
 
 
 def _bell(uniform: Floats) -> Floats:

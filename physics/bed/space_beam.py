@@ -20,6 +20,7 @@ from physics.exact.exact import Law
 from physics.exact.fibre_laws import FibreLaw
 from physics.exact.linear_law import Linear
 from physics.quantity import finite, positive
+from physics.section import Ring
 
 __all__ = ["HELD", "End", "SpaceBeam", "axis_line"]
 
@@ -222,9 +223,81 @@ class SpaceBeam:
             nodes_at=nodes_at,
         )
 
-    def frames_at(self, stations: Floats) -> tuple[Floats, Floats]:
-        """Return (S, 3) places of the axis at rest, mm, and (S, 3, 3) frames: axis, across, up."""
-        # Up is away from the bed, as far as it is across the axis.
+    @classmethod
+    def round_tube(
+        cls,
+        axis: Floats,
+        *,
+        radius: Floats,
+        wall: float,
+        modulus: float,
+        poisson_ratio: float = 0.49,
+        elements: int = 20,
+        ends: tuple[End, End] = ("clamped", "clamped"),
+        nodes_at: Sequence[float] = (),
+    ) -> "SpaceBeam":
+        """Return a round tube along a curved axis, of a linear wall.
+
+        Parameters
+        ----------
+        axis
+            (P, 3) points at rest, mm.
+        radius
+            (K,) outer radii, mm, evenly from end to end.
+        wall, modulus, poisson_ratio
+            Thickness, mm, and Young's modulus, MPa; soft tissue hardly changes its volume.
+        elements, ends, nodes_at
+            As of `from_axis`.
+
+        Returns
+        -------
+        SpaceBeam
+            The tube, with its wall.
+
+        Raises
+        ------
+        ValueError
+            If a number is out of range, or the wall is as thick as the tube.
+        """
+        outer = np.atleast_1d(np.asarray(radius, dtype=np.float64))
+        outer = np.repeat(outer, 2) if outer.size == 1 else outer
+        positive(wall, "wall", "mm")
+        positive(modulus, "modulus", "MPa")
+        if not wall < outer.min():
+            raise ValueError(
+                f"a wall of {wall:g} mm does not fit a tube of {outer.min():g} mm radius"
+            )
+        bore = outer - wall
+        area = np.pi * (outer**2 - bore**2)
+        moment = 0.25 * np.pi * (outer**4 - bore**4)
+        shear = 0.5 * modulus / (1.0 + poisson_ratio)
+        sheared = area * [
+            Ring(a, i).shear_coefficient(poisson_ratio)
+            for a, i in zip(area.tolist(), moment.tolist(), strict=True)
+        ]
+        return cls.from_axis(
+            elements=elements,
+            stiffness=np.stack(
+                [
+                    modulus * area,
+                    shear * sheared,
+                    shear * sheared,
+                    2.0 * shear * moment,
+                    modulus * moment,
+                    modulus * moment,
+                ],
+                axis=1,
+            ),
+            axis=axis,
+            ends=ends,
+            stations=np.linspace(0.0, float(axis_line(axis)[0][-1]), outer.size),
+            radius=outer,
+            wall=np.stack([area, moment / outer, moment / outer], axis=1),
+            nodes_at=nodes_at,
+        )
+
+    def places_at(self, stations: Floats) -> tuple[Floats, Floats]:
+        """Return (S, 3) places of the axis at rest, mm, and (S, 3) its unit tangents."""
         at = np.asarray(stations, dtype=np.float64)
         x = self.stations
         e = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
@@ -241,17 +314,25 @@ class SpaceBeam:
         )
         along = tangent[e] * (1 - u) + tangent[e + 1] * u
         along /= np.sqrt((along**2).sum(axis=1))[:, None]
-        across = np.stack([-along[:, 1], along[:, 0], np.zeros(at.size)], axis=1)
+        return place, along
+
+    def frames_at(
+        self, stations: Floats, up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    ) -> tuple[Floats, Floats]:
+        """Return (S, 3) places of the axis at rest, mm, and (S, 3, 3) frames: axis, across, up."""
+        # Up is away from the bed, as far as it is across the axis.
+        place, along = self.places_at(stations)
+        across = np.cross(np.broadcast_to(up, along.shape), along)
         size = np.sqrt((across**2).sum(axis=1))
         if size.size and size.min() < 1e-3:
-            where = at[int(np.argmin(size))]
+            where = np.asarray(stations)[int(np.argmin(size))]
             raise ValueError(f"the axis stands upright at {where:g} mm: no bed can lie under it")
         across /= size[:, None]
-        up = np.empty_like(along)
+        above = np.empty_like(along)
         for k in range(3):
             i, j = (k + 1) % 3, (k + 2) % 3
-            up[:, k] = along[:, i] * across[:, j] - along[:, j] * across[:, i]
-        return place, np.stack([along, across, up], axis=1)
+            above[:, k] = along[:, i] * across[:, j] - along[:, j] * across[:, i]
+        return place, np.stack([along, across, above], axis=1)
 
 
 def tangents(rotations: Floats) -> Floats:

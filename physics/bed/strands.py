@@ -162,6 +162,7 @@ class Strands:
         yield_elongation: Floats,
         failure_elongation: Floats,
         bilateral: bool = False,
+        up: tuple[float, float, float] = (0.0, 0.0, 1.0),
     ) -> "Strands":
         """Return strands from a beam at rest down to the bed under it.
 
@@ -180,22 +181,24 @@ class Strands:
             (S,) mm before they come taut.
         stiffness, yield_elongation, failure_elongation, bilateral
             (S,) and one for all; see the class.
+        up
+            Unit direction away from the bed.
 
         Returns
         -------
         Strands
             As many.
         """
-        place, frame = beam.frames_at(stations)
-        along, across, up = frame[:, 0], frame[:, 1], frame[:, 2]
+        place, frame = beam.frames_at(stations, up)
+        along, across, above = frame[:, 0], frame[:, 1], frame[:, 2]
         side, down = out * np.sin(around), out * np.cos(around)
-        ends = place + side[:, None] * across - down[:, None] * up
+        ends = place + side[:, None] * across - down[:, None] * above
         deepest = np.maximum(out, 0.0)
         feet = (
             place
             + (side + lean[:, 1])[:, None] * across
             + lean[:, 0][:, None] * along
-            - (deepest + gap)[:, None] * up
+            - (deepest + gap)[:, None] * above
         )
         length = np.sqrt(((ends - feet) ** 2).sum(axis=1)) + slack
         ones = np.ones(np.asarray(stations).size)

@@ -35,6 +35,7 @@ from physics.bed.kernels.rods import (
     press_beam,
     reached,
     strand_ends,
+    strand_foot,
 )
 from physics.bed.kernels.state import (
     ARM_X,
@@ -115,6 +116,13 @@ def push_straight(
         for col in range(r + 1):
             c[3 + r, 3 + col] += 0.5 * b * (e[r] * arm[col] + e[col] * arm[r])
     return 0.5 * f * u
+
+
+@inner
+def turned_foot(strand: Floats, i: int, o1: Three, o2: Three, o3: Three) -> Three:
+    """Return the arm of strand i's foot at its other node, whose rotation has these columns."""
+    x, y, z = strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i]
+    return added(added(scaled(o1, x), scaled(o2, y)), scaled(o3, z))
 
 
 @inner
@@ -247,18 +255,20 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             rx = t1[0] * a0 + t2[0] * a1 + t3[0] * a2
             ry = t1[1] * a0 + t2[1] * a1 + t3[1] * a2
             rz = t1[2] * a0 + t2[2] * a1 + t3[2] * a2
-            foot = (strand[FOOT_X, i], strand[FOOT_Y, i], strand[FOOT_Z, i])
-            arm = foot
-            if other >= 0:
-                arm = added(added(scaled(o1, foot[0]), scaled(o2, foot[1])), scaled(o3, foot[2]))
-                foot = (s.x[other, 0] + arm[0], s.x[other, 1] + arm[1], s.x[other, 2] + arm[2])
-            lx = x0 + rx - foot[0]
-            ly = x1 + ry - foot[1]
-            lz = x2 + rz - foot[2]
+            if other < 0:
+                lx = x0 + rx - strand[FOOT_X, i]
+                ly = x1 + ry - strand[FOOT_Y, i]
+                lz = x2 + rz - strand[FOOT_Z, i]
+            else:
+                arm = turned_foot(strand, i, o1, o2, o3)
+                lx = x0 + rx - (s.x[other, 0] + arm[0])
+                ly = x1 + ry - (s.x[other, 1] + arm[1])
+                lz = x2 + rz - (s.x[other, 2] + arm[2])
             rod = -1
             pull = by_a = by_b = (0.0, 0.0, 0.0)
             path = bow = short = 0.0
             if near:
+                foot = strand_foot(s.x, s.q, strand, other, i)
                 for m in range(s.rods.shape[0]):
                     if s.rods[m, IN_USE] == 0.0:
                         continue
@@ -304,8 +314,8 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                 stiff, straight, out = (1.0 - d) * k, (lx, ly, lz), (rx, ry, rz)
                 energy += push_straight(s.g, s.diagonal, n, straight, out, stiff, short, kind)
                 if other >= 0:
-                    straight = (-lx, -ly, -lz)
-                    push_straight(s.g, s.diagonal, other, straight, arm, stiff, short, kind)
+                    straight, out = (-lx, -ly, -lz), turned_foot(strand, i, o1, o2, o3)
+                    push_straight(s.g, s.diagonal, other, straight, out, stiff, short, kind)
             if u <= 0.0 and (rod >= 0 or strand[BILATERAL, i] == 0.0):
                 continue
             f = (1.0 - d) * k * u
@@ -327,9 +337,9 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                             energy += change
                             gone -= change
                             if other >= 0:
-                                straight = (-lx, -ly, -lz)
+                                straight, out = (-lx, -ly, -lz), turned_foot(strand, i, o1, o2, o3)
                                 push_straight(
-                                    s.g, s.diagonal, other, straight, arm, less, short, kind
+                                    s.g, s.diagonal, other, straight, out, less, short, kind
                                 )
                         lost += gone
                         damage[i] = new
@@ -342,7 +352,7 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                         correction[5] += fall * (rx * ty - ry * tx)
                         if other >= 0:
                             away = scaled(by_b, -1.0) if rod >= 0 else (tx, ty, tz)
-                            turned = cross(arm, away)
+                            turned = cross(turned_foot(strand, i, o1, o2, o3), away)
                             for r in range(3):
                                 s.damage_correction[other, r] -= fall * away[r]
                                 s.damage_correction[other, 3 + r] -= fall * turned[r]
@@ -415,7 +425,7 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                 hold_other(
                     s.g, s.diagonal, s.cross, other, (tx, ty, tz), (vx, vy, vz), (rx, ry, rz),
                     scaled(by_b, -1.0) if rod >= 0 else (tx, ty, tz),
-                    arm, length, f, a, b, rod >= 0,
+                    turned_foot(strand, i, o1, o2, o3), length, f, a, b, rod >= 0,
                 )  # fmt: skip
             ux, uy, uz = b * ux, b * uy, b * uz
             ex, ey, ez = ux * rx, uy * ry, uz * rz

@@ -2,6 +2,7 @@
 
 import math
 
+from kernel_cache import side_by_side
 from physics.bed.kernels.state import State
 from physics.bed.kernels.vectors import Floats, Ints, inner
 
@@ -15,15 +16,22 @@ def copy_blocks(to: Floats, of: Floats) -> None:
                 to[n, r, c] = of[n, r, c]
 
 
+@side_by_side
 @inner
 def take_product(of: Floats, y: Floats, z: Floats) -> None:
     """Take y^T z from a block."""
+    # Six sums side by side, which the compiler may take several at once.
     for r in range(6):
-        for c in range(6):
-            v = of[r, c]
-            for k in range(6):
-                v -= y[k, r] * z[k, c]
-            of[r, c] = v
+        a, b, c, d, e, f = of[r, 0], of[r, 1], of[r, 2], of[r, 3], of[r, 4], of[r, 5]
+        for k in range(6):
+            v = y[k, r]
+            a -= v * z[k, 0]
+            b -= v * z[k, 1]
+            c -= v * z[k, 2]
+            d -= v * z[k, 3]
+            e -= v * z[k, 4]
+            f -= v * z[k, 5]
+        of[r, 0], of[r, 1], of[r, 2], of[r, 3], of[r, 4], of[r, 5] = a, b, c, d, e, f
 
 
 @inner
@@ -69,6 +77,7 @@ def hold_nodes(s: State, fraction: float) -> None:
                 s.step[i, r] = s.hold[i, r]
 
 
+@side_by_side
 @inner
 def solve(
     first_block: Ints, blocks: Ints, product: Ints, diagonal: Floats, block: Floats, step: Floats
