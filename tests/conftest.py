@@ -14,6 +14,56 @@ SCRIPTS = ("soak", "kill_fuzz", "file_fuzz", "screenshots", "film")
 collect_ignore = [f"app/{name}.py" for name in SCRIPTS]
 COMPILE = ("bed", "closed_forms", "many", "exact", "two_grasps")
 """Tests of physics that compile the kernels on which all others wait."""
+QUICK = ("physics", "organ_geometry", "assets")
+"""Folders of the quick lane, `-m quick`; to it belong tests of `app` that need sessions only."""
+SLOW = {
+    "test_a_beam_over_a_round_post",
+    "test_a_branch_is_doubted",
+    "test_a_careful_hand_passes_every_exercise_and_the_others_none",
+    "test_a_fork_s_joins_angles_and_radii_converge",
+    "test_a_grey_aorta_is_found_where_its_masks_are_or_given_up",
+    "test_a_real_duct_lies_on_the_mesh_it_was_cut_from",
+    "test_a_run_is_the_same_on_another_processor",
+    "test_a_section_that_the_sample_misses_is_kept_too",
+    "test_a_slack_second_hook_is_none",
+    "test_a_solid_wall_breaks_as_in_the_plane",
+    "test_a_tolerance_out_of_reach_names_the_smallest_of_a_long_stack_too",
+    "test_a_wall_breaks_in_space_as_in_the_plane_and_in_the_library",
+    "test_all_sections_together_are_kept_to_what_they_may_in_a_long_stack",
+    "test_an_oblique_volume_s_tubes_stand_where_its_axes_say",
+    "test_another_duct_has_exercises_of_its_own",
+    "test_break_event_is_the_root_of_the_criterion",
+    "test_calibrated_threshold_breaks_at_its_force",
+    "test_each_bears_what_it_bears_alone",
+    "test_every_seed_builds_what_was_drawn",
+    "test_every_slice_keeps_to_every_tolerance",
+    "test_good_hands_pass_and_others_are_told_why_they_fail",
+    "test_gradient_and_tangent_are_the_energy_s_differences",
+    "test_integrators_hold_below_their_limit_and_run_away_above",
+    "test_kanninen_s_double_cantilever",
+    "test_kernels_are_their_python_form",
+    "test_neither_mesh_nor_strands_nor_steps_matter",
+    "test_no_pull_is_lost",
+    "test_no_pull_is_lost_in_real_time",
+    "test_no_rod_is_pushed_through_a_duct_in_equilibrium",
+    "test_page_solve_and_export_agree_to_the_digit",
+    "test_pages_and_files_give_the_same_organ",
+    "test_real_anisotropic_pixels",
+    "test_rods_among_strands_lose_no_pull",
+    "test_samples_take_few_bytes_more_than_a_search_by_all_sections",
+    "test_says_of_a_force_that_it_is_rounding",
+    "test_skins_of_organs_and_pieces_are_embedded",
+    "test_the_atlas_is_found_again",
+    "test_the_duodenum_s_sections_lie_on_its_reference",
+    "test_the_encoder_needs_no_more_bytes_than_it_did",
+    "test_the_minimal_path_keeps_to_the_middle",
+    "test_the_promise_holds_on_tubes",
+    "test_the_same_labels_stored_the_other_way_round_give_the_same_bytes",
+    "test_the_trachea_shows_its_lumen_where_it_is_a_closed_ring",
+    "test_two_arms_peel_apart_at_a_t",
+    "test_two_thousand_random_cold_solves",
+}
+"""Those of them that take over 1.5 s of a processor; `-m quick --durations=20` finds others."""
 
 # A machine may be busy.
 settings.register_profile("without deadline", deadline=None)
@@ -24,9 +74,35 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let one process compile the bed and the other the exact beam, before they share both."""
+    """Mark the quick lane, and let one process compile the bed and the other the exact beam."""
+    for item in items:
+        if _is_quick(item):
+            item.add_marker("quick")
     first = {f"test_{name}.py": rank for rank, name in enumerate(COMPILE)}
     items.sort(key=lambda item: first.get(item.path.name, len(first)))
+
+
+def _is_quick(item: pytest.Item) -> bool:
+    """Whether a test needs neither a page nor another process, and little time."""
+    folder = item.path.relative_to(item.config.rootpath).parts[:-1]
+    if getattr(item, "originalname", "") in SLOW or item.get_closest_marker("long"):
+        return False
+    return any(each in QUICK for each in folder[:2]) or (
+        folder == ("tests", "app") and _needs_sessions_only(item)
+    )
+
+
+def _needs_sessions_only(item: pytest.Item) -> bool:
+    """Whether a test's file imports of `app` only what simulates, and commands to it."""
+    imported = {
+        str(getattr(each, "__module__", None) or getattr(each, "__name__", ""))
+        for each in vars(getattr(item, "module", item)).values()
+    }
+    of_app = {".".join(name.split(".")[:2]) for name in imported if name.startswith("app.")}
+    return {"app.simulation"} <= of_app <= {
+        "app.simulation",
+        "app.command_line",
+    } and not imported & {"browser", "subprocess"}
 
 
 @pytest.fixture(scope="session")
