@@ -14,6 +14,7 @@ from rich.console import Console
 
 from benchmarks.duct import DUCT
 from kernel_cache import njit
+from physics import Exponential, Law, Linear, NeoHooke
 from physics.bed import BeamOnBed, Bed, SpaceBeam, Strands
 
 __all__ = ["bed_figures", "measure_bed"]
@@ -25,6 +26,9 @@ LIFT = 6e-3
 """mm a step: 6 mm/s, at which strands part from the second half of a second on."""
 DENSITY = 1e-9
 """tonne/mm^3."""
+
+
+LINEAR = Linear(shear=True)
 
 
 def layer(strands: int) -> Bed:
@@ -45,9 +49,9 @@ def timed(step: Callable[[int], object]) -> Floats:
     return times[50:]
 
 
-def ours(strands: int) -> tuple[Floats, int]:
+def ours(strands: int, law: Law = LINEAR) -> tuple[Floats, int]:
     """Return the times of our steps and how many strands have parted."""
-    beam = SpaceBeam.of(DUCT, elements=ELEMENTS)
+    beam = SpaceBeam.of(DUCT, law=law, elements=ELEMENTS)
     bed = layer(strands)
     live = BeamOnBed(beam, bed.strands_under(beam), floor=bed.floor_under(beam))
     node = live.take(0.5 * beam.span)
@@ -267,6 +271,8 @@ def bed_figures() -> dict[str, Any]:
     figures: dict[str, Any] = {}
     for name, play, strands in (
         ("ours_600", ours, 600),
+        ("ours_neo_hooke_600", lambda strands: ours(strands, NeoHooke()), 600),
+        ("ours_exponential_600", lambda strands: ours(strands, Exponential(6.0)), 600),
         ("ours_2000", ours, 2000),
         ("mass_spring_600", mass_spring, 600),
         ("mujoco_600", mujoco, 600),
@@ -292,7 +298,10 @@ def measure_bed(console: Console) -> dict[str, Any]:
         f"\nDuct of {ELEMENTS} elements lifted off its bed: processor time of a step of 1/1000 s"
     )
     first = figures["ours_600_median_us"]
-    for name in ("ours_600", "ours_2000", "mass_spring_600", "mujoco_600", "pyelastica_600"):
+    for name in (
+        *("ours_600", "ours_neo_hooke_600", "ours_exponential_600", "ours_2000"),
+        *("mass_spring_600", "mujoco_600", "pyelastica_600"),
+    ):
         if f"{name}_note" in figures:
             console.print(f"{name}: {figures[f'{name}_note']}", highlight=False, markup=False)
             continue

@@ -14,6 +14,7 @@ from physics.taut_string import TautString
 __all__ = ["THEORIES", "LawName", "Theory", "law_named", "theory_named"]
 
 LawName = Literal["linear", "neo-hooke", "exponential"]
+"""Laws of a wall, as they are called on the command line and in files."""
 
 
 class Theory(Protocol):

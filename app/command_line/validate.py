@@ -27,7 +27,7 @@ def validate(
     Example: bluntdissect validate -o docs
     """
     from app.validation.bed_checks import bed_checks
-    from app.validation.comparison import compared, held_out_errors, solid_errors
+    from app.validation.comparison import compared, held_out_errors, hollow_errors, solid_errors
     from app.validation.figures import draw_figures
     from app.validation.page import beds_table, errors_table, page, rows_table, solids_table
     from app.validation.thesis_tables import TABLES
@@ -40,7 +40,7 @@ def validate(
     beds = [] if output is None else bed_checks()
     if output is not None:
         draw_figures({each.table.number: each for each in comparisons}, output / "validation")
-        text = page(comparisons, solids, held_out_errors(), beds)
+        text = page(comparisons, solids, held_out_errors(), hollow_errors(), beds)
         write_atomic(output / "validation.md", text.encode())
     if as_json:
         print(

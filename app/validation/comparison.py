@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.validation.thesis_tables import HELD_OUT, INCH, LBF, Table
+from app.validation.thesis_tables import HELD_OUT, HOLLOW, INCH, LBF, Hollow, Table
 from physics import (
     Beam,
     Cubic,
@@ -19,14 +19,17 @@ from physics import (
     TautString,
     Theory,
 )
+from physics.bed import Hand, SpaceBeam, pull
 
 __all__ = [
     "COMPARED",
     "Column",
     "Comparison",
+    "HollowErrors",
     "SolidErrors",
     "compared",
     "held_out_errors",
+    "hollow_errors",
     "solid_errors",
 ]
 
@@ -146,6 +149,39 @@ def held_out_errors() -> dict[tuple[float, float], float]:
         ]
         found[each.diameter, each.poisson_ratio] = max(errors, key=abs)
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class HollowErrors:
+    """The neo-Hookean beam's errors against a solid tube: a row for each force."""
+
+    solid: Hollow
+    plane: tuple[float, ...]  # of the exact beam's deflection, %
+    space: tuple[float, ...]  # of the beam's in space
+    stress: tuple[float, ...]  # highest nominal stress, over the modulus
+
+
+def hollow_errors() -> tuple[HollowErrors, ...]:
+    """Return how near the beams, in the plane and in space, come to solid tubes."""
+    found: list[HollowErrors] = []
+    for each in HOLLOW:
+        beam, at = each.beam, 0.5 * each.span
+        solver = Exact(NeoHooke()).pull(beam, at)
+        held = SpaceBeam.of(beam, law=NeoHooke(), elements=160, nodes_at=[at])
+        path = tuple((0.0, 0.0, force) for force in each.curve)
+        history = pull(held, None, [Hand(at=at, path=path, by="force", steps=(1,) * len(path))])
+        plane = [solver.to_force(force).deflection for force in each.curve]
+        assert history.stress is not None  # noqa: S101 (a tube has a wall)
+        solid = np.array(list(each.curve.values()))
+        found.append(
+            HollowErrors(
+                each,
+                tuple((100.0 * (np.array(plane) / solid - 1.0)).tolist()),
+                tuple((100.0 * (history.hands[:, 0, 2] / solid - 1.0)).tolist()),
+                tuple((history.stress / each.modulus).tolist()),
+            )
+        )
+    return tuple(found)
 
 
 def _deflected(theory: Theory, table: Table, grasp: float, force: float) -> float:

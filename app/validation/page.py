@@ -5,16 +5,17 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 
 from app.validation.bed_checks import BedCheck
-from app.validation.comparison import Comparison, SolidErrors
+from app.validation.comparison import Comparison, HollowErrors, SolidErrors
 from app.validation.figures import FIGURES
 
-__all__ = ["beds_table", "errors_table", "page", "rows_table", "solids_table"]
+__all__ = ["beds_table", "errors_table", "hollow_table", "page", "rows_table", "solids_table"]
 
 
 def page(
     comparisons: Sequence[Comparison],
     solids: Sequence[Sequence[SolidErrors]],
     held_out: Mapping[tuple[float, float], float],
+    hollow: Sequence[HollowErrors],
     beds: Sequence[BedCheck],
 ) -> str:
     """Return the page in Markdown."""
@@ -25,6 +26,7 @@ def page(
             f"{error:+.2f} % (d = {diameter:g} inch, Poisson's ratio {poisson_ratio:g})"
             for (diameter, poisson_ratio), error in held_out.items()
         ),
+        "hollow": hollow_table(hollow),
         "beds": beds_table(beds),
         "differences": ", ".join(
             f"table {each.table.number} {each.calculated_difference:.1e} inch"
@@ -57,6 +59,21 @@ def errors_table(comparisons: Sequence[Comparison]) -> str:
         ]
         for index, column in enumerate(comparisons[0].columns)
     ]
+    return _markdown(head, rows)
+
+
+def hollow_table(hollow: Sequence[HollowErrors]) -> str:
+    """Return the errors against solid tubes in Markdown."""
+    head = ["wall / diameter", "force, N", "solid, mm", "stress / E", "plane, %", "space, %"]
+    rows: list[list[str]] = []
+    for each in hollow:
+        share = f"{each.solid.wall:g} / {each.solid.diameter:g} mm"
+        for (force, deflection), stress, plane, space in zip(
+            each.solid.curve.items(), each.stress, each.plane, each.space, strict=True
+        ):
+            figures = [f"{force:g}", f"{deflection:.4g}", f"{stress:.2f}"]
+            rows.append([share, *figures, f"{plane:+.2f}", f"{space:+.2f}"])
+            share = ""
     return _markdown(head, rows)
 
 

@@ -11,8 +11,8 @@ from assets import VALIDATION
 from physics import Beam
 
 __all__ = [
-    "HELD_OUT", "INCH", "LBF", "PSI", "TABLES", "TABLE_6_1", "TABLE_6_2", "TABLE_6_3",
-    "Curve", "HeldOut", "Row", "Table",
+    "HELD_OUT", "HOLLOW", "INCH", "LBF", "PSI", "TABLES", "TABLE_6_1", "TABLE_6_2", "TABLE_6_3",
+    "Curve", "HeldOut", "Hollow", "Row", "Table",
 ]  # fmt: skip
 
 INCH = 25.4
@@ -75,11 +75,31 @@ class HeldOut(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     curve: Curve
 
 
+class Hollow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The central curve of a solid tube that nothing was fitted to; mm, N and MPa."""
+
+    span: float
+    diameter: float
+    wall: float
+    modulus: float
+    poisson_ratio: float
+    curve: Curve  # by the whole force
+
+    @property
+    def beam(self) -> Beam:
+        """The beam that stands for it."""
+        return Beam.round(
+            span=self.span, diameter=self.diameter, modulus=self.modulus,
+            poisson_ratio=self.poisson_ratio, wall=self.wall,
+        )  # fmt: skip
+
+
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     table: tuple[Table, Table, Table]
     held_out: tuple[HeldOut, ...]
+    hollow: tuple[Hollow, ...]
 
 
 _FILE = msgspec.toml.decode(VALIDATION.read_bytes(), type=_File)
-TABLES, HELD_OUT = _FILE.table, _FILE.held_out
+TABLES, HELD_OUT, HOLLOW = _FILE.table, _FILE.held_out, _FILE.hollow
 TABLE_6_1, TABLE_6_2, TABLE_6_3 = TABLES

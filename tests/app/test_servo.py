@@ -30,9 +30,9 @@ from app.haptics.regulator import BRAKED, LEAST, MADE, MODELLED, SAMPLED, WITHHE
 from app.haptics.servo import Servo
 from app.haptics.servo_loop import CLUTCH, FRESH, LIVE, PLACE_UNIT, TAKE, LoopSettings, ServoLoop
 from app.haptics.virtual_device import VirtualDevice
-from app.simulation import Specimen, preset_named
+from app.simulation import RoundBeam, Specimen, preset_named
 from app.simulation.bed import bed_named
-from physics import Cubic, Exact, NeoHooke, Theory
+from physics import Cubic, Exact, LawName, NeoHooke, Theory
 
 DUCT = preset_named("thesis-bile-duct")
 STIFFNESS = 0.1388  # N/mm of the thesis's duct at rest: 3 E I (S/(a b))^3
@@ -711,3 +711,28 @@ def test_what_cannot_be_felt_is_refused() -> None:
     whole = choice().felt(1.0)
     assert isinstance(whole, FeltDuct)
     assert math.isfinite(whole.breaks_at)
+
+
+TUBE = RoundBeam(span_mm=50.8, diameter_mm=8.89, wall_mm=1.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "stiffening"), [("neo-hooke", None), ("exponential", 0.0), ("exponential", 6.0)]
+)
+def test_a_duct_of_fibres_is_felt_to_its_break_without_a_knock(
+    law: LawName, stiffening: float | None
+) -> None:
+    """One Newton iteration a period is enough for what stiffens and for what softens."""
+    duct = msgspec.structs.replace(
+        preset_named("assumed-duct"), law=law, stiffening=stiffening, beam=TUBE
+    )
+    chosen = DuctChoice.of(Specimen(duct, bed=bed_named("loose")), None, None)
+    up = (Waypoint(0.1, (0.0, 0.0, 0.0)), Waypoint(3.1, (0.0, 0.0, 75.0)))
+    run = felt(hand(up, tremor_mm=0.1), chosen, seconds=3.2)
+    model = run.loop.model
+    assert model.torn
+    torn = int(np.flatnonzero((run.forces == 0.0) & (run.hooks > 1.0))[0])
+    changes = np.linalg.norm(np.diff(run.given[:torn], axis=0), axis=1)
+    assert changes.max() < 0.05
+    assert unexplained(run) < 1e-4
+    assert run.books[:, LEAST].min() > -0.02
