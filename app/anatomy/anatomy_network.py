@@ -8,13 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy.tables import Anatomy, JoinTable, LayerTable, TableError, TubeTable
-from physics.bed import BeamOnBed, Bed, End, Join, Network, SpaceBeam, Strands
+from physics.bed import BeamOnBed, Bed, End, Flow, Fluid, Join, Network, SpaceBeam, Strands
 from physics.bed.space_beam import axis_line
 
 __all__ = ["AnatomyNetwork", "anatomy_network"]
 
 Floats = NDArray[np.float64]
 
+FLUIDS = {
+    "blood": Fluid(viscosity=3.5e-6, pressure=12.0, supply=4000.0, volume=5e6),
+    "bile": Fluid(viscosity=1.5e-6, pressure=1.2, supply=300.0, volume=4e4),
+}
+"""Assumed: 3.5 and 1.5 mPa s, 90 mmHg and 12 cm of water; an open end of a hepatic artery gives
+4 ml/s, one of a bile duct 0.3 ml/s; 5 l and 40 ml."""
 UP = (0.0, 0.0, 1.0)
 # Part of a tube's length within which a place along it is one of its ends.
 AT_END = 1e-2
@@ -34,6 +40,25 @@ class AnatomyNetwork:
     def on_bed(self, *, rods: int = 0, retrace: bool = False) -> BeamOnBed:
         """Return the network on its bed, at rest."""
         return BeamOnBed(self.network, self.strands, floor=self.floor, rods=rods, retrace=retrace)
+
+    def flows(self, bed: BeamOnBed) -> dict[str, Flow]:
+        """Return the fluids that there are, by name, in tubes that are fed at clamped ends."""
+        out: dict[str, Flow] = {}
+        for name, fluid in FLUIDS.items():
+            tubes = [each for each in self.anatomy.tube if each.fluid == name]
+            if tubes:
+                fed = [
+                    (each.name, end)
+                    for each in tubes
+                    for end in range(2)
+                    if each.ends[end] == "clamped"
+                ]
+                out[name] = Flow(bed, fluid, {each.name: self._bore(each) for each in tubes}, fed)
+        return out
+
+    def _bore(self, tube: TubeTable) -> Floats:
+        """Return the inner radii at a tube's nodes, mm."""
+        return self.network.tubes[tube.name].radius - float(tube.wall_mm)
 
 
 def anatomy_network(anatomy: Anatomy) -> AnatomyNetwork:

@@ -2,6 +2,7 @@
 
 from physics.bed.beam_on_bed import BeamOnBed
 from physics.bed.bed import Bed, Patch
+from physics.bed.flow import Flow, Fluid
 from physics.bed.network import Join, Network
 from physics.bed.pull import Hand, History, Rod, pull, step_places
 from physics.bed.readings import EnergyBalance, WorstStress
@@ -13,6 +14,8 @@ __all__ = [
     "Bed",
     "End",
     "EnergyBalance",
+    "Flow",
+    "Fluid",
     "Hand",
     "History",
     "Join",

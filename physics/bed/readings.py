@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kernel_cache import njit
 from physics.bed import kernels
 from physics.bed.layout import Rest
+from physics.quantity import finite
 
 __all__ = ["EnergyBalance", "Readings", "WorstStress", "worst_stress"]
 
@@ -78,6 +79,18 @@ class Readings:
     def nodes_of(self, tube: str | None = None) -> NDArray[np.int64]:
         """Return the (n,) numbers of a tube's nodes, along it; tubes that join share one."""
         return self._rest.tube(tube).nodes
+
+    def elements_of(self, tube: str | None = None) -> slice:
+        """Return which elements, along the rows of `stresses`, are a tube's."""
+        return self._rest.tube(tube).elements
+
+    def element_at(self, station: float, tube: str | None = None) -> int:
+        """Return the number of a tube's element at a station, mm, from 0."""
+        x, span = self.stations_of(tube), self.network.tubes[self._rest.tube(tube).name].span
+        s = finite(station, "a place on a tube", "mm")
+        if not 0.0 <= s <= span:
+            raise ValueError(f"{s:g} mm is not on the tube, which runs from 0 to {span:g} mm")
+        return min(int(np.searchsorted(x, s, side="right")) - 1, x.size - 2)
 
     def stations_of(self, tube: str | None = None) -> Floats:
         """Return the (n,) stations of a tube's nodes, mm from its first end."""

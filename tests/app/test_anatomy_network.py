@@ -76,6 +76,23 @@ def test_strands_between_tubes_hold_both_walls_and_are_the_same_again() -> None:
             assert way @ across > 0.95 * np.sqrt((way @ way) * (across @ across))
 
 
+def test_a_torn_cystic_artery_bleeds_until_it_is_clipped() -> None:
+    made = anatomy_network(read_anatomy(SHIPPED["normal"]))
+    bed = made.on_bed()
+    flows = made.flows(bed)
+    assert set(flows) == {"blood", "bile"}
+    artery = bed.stations_of("artery")[-1]
+    bed.tear(0.6 * artery, "artery")
+    lost = flows["blood"].advance(1.0)
+    assert 500.0 < lost < 8000.0
+    assert flows["bile"].advance(1.0) == 0.0
+    flows["blood"].clip(0.3 * artery, "artery")
+    assert flows["blood"].advance(1.0) < 1e-9 * lost
+    assert flows["blood"].left + flows["blood"].lost == flows["blood"].fluid.volume
+    bed.tear(10.0, "cystic")
+    assert flows["bile"].advance(1.0) > 100.0
+
+
 def test_a_gallbladder_that_is_pulled_frees_its_tissue_and_its_energy_balances() -> None:
     """In real time and through equilibria; what tears first is a matter of its own wall."""
     made = anatomy_network(read_anatomy(SHIPPED["normal"]))
