@@ -1,4 +1,4 @@
-"""What ships with the trainer: the bile-duct phantom, presets, beds and anatomies."""
+"""What ships with the trainer: the bile-duct phantom, presets, beds, anatomies and experiments."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ __all__ = [
     "BEDS",
     "BILE_DUCT",
     "BILE_DUCT_PHANTOM",
+    "EXPERIMENTS",
     "FREQUENCIES",
     "PRESETS",
     "TUBE_KINDS",
@@ -30,6 +31,9 @@ VALIDATION: Path = Path(__file__).parent / "validation.toml"
 
 ANATOMIES: Path = Path(__file__).parent / "anatomies"
 """Folder of anatomies, tubes that join, each in a TOML file."""
+
+EXPERIMENTS: Path = Path(__file__).parent / "experiments"
+"""Folder of published experiments that are predicted, each in a TOML file."""
 
 FREQUENCIES: Path = Path(__file__).parent / "frequencies.toml"
 """How often the hepatocystic triangle is built how, each figure with its source."""

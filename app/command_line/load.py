@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 PRESET_NAMES = (
     "thesis-bile-duct, assumed-duct, thesis-rubber, thesis-thin-rubber, porcine-bile-duct, "
-    "porcine-gallbladder or human-ureter"
+    "porcine-gallbladder, human-ureter or porcine-cystic-duct"
 )
 """For the help, which must not wait until the presets are read; a test compares."""
 

@@ -18,10 +18,13 @@ from app.command_line.load import (
     Stiffening,
     TheoryName,
     chosen_theory,
+    duct_of,
     specimen_from,
     theory_options,
     theory_words,
+    with_law,
 )
+from app.command_line.load_cases import LOADS, solve_load_case
 from app.command_line.shared_options import options_of
 
 __all__ = ["solve"]
@@ -52,6 +55,17 @@ def solve(
         typer.Option(help="The grasper's whole force, N; below zero it pulls the other way."),
     ] = None,
     deflection: Annotated[float | None, typer.Option(help="Deflection of the grasp, mm.")] = None,
+    wall: Annotated[
+        float | None, typer.Option(help="Round beam: wall, mm; a full bar if not given.")
+    ] = None,
+    load: Annotated[
+        str,
+        typer.Option(help="across (by --theory), along, avulsion or inflation (by --law)."),
+    ] = "across",
+    angle: Annotated[
+        float | None, typer.Option(help="Avulsion: between the pull and the axis, degrees.")
+    ] = None,
+    pressure: Annotated[float | None, typer.Option(help="Inflation: inside, kPa.")] = None,
     theory: TheoryName = "cubic",
     q: AxialCoupling = None,
     shear: Shear = False,
@@ -77,14 +91,15 @@ def solve(
     of_pull = {"--grasp": grasp, "--force": force, "--deflection": deflection}
     of_pull |= {"--span": span, "--diameter": diameter, "--modulus": modulus, "--q": q}
     of_pull |= {"--poisson": poisson, "--shear": shear or None}
-    of_pull |= {"--theory": theory != "cubic" or None}
+    of_pull |= {"--theory": theory != "cubic" or None, "--wall": wall}
+    of_pull |= {"--load": load != "across" or None, "--angle": angle, "--pressure": pressure}
     in_bed.check(of_bed={"-o": output}, of_pull=of_pull)
     if in_bed.bed is not None:
         _solve_in_bed(
             in_bed.bed, in_bed, preset, organ, threshold, output, (law, stiffening), as_json=as_json
         )
         return
-    from physics import Beam, break_of, check_rupture, critical_stations
+    from physics import Beam, Exact, Linear, break_of, check_rupture, critical_stations
     from physics.quantity import positive
 
     for name, value, unit, most in (
@@ -96,12 +111,24 @@ def solve(
     ):
         if value is not None and most < abs(value) < math.inf:
             raise ValueError(f"{name} can be at most {most:g} {unit}, got {value:g} {unit}")
+    if load not in LOADS:
+        raise ValueError(f"--load must be one of {', '.join(LOADS)}, got {load!r}")
+    if load == "across" and not (angle is None and pressure is None):
+        raise ValueError("--angle is of --load avulsion and --pressure of --load inflation")
+    if load != "across":
+        if theory != "cubic" or q is not None or grasp is not None:
+            raise ValueError(f"--theory, --q and --grasp are not of --load {load}: give --law")
+        if law is None and (preset is not None or organ is not None):
+            own = with_law(duct_of(preset, organ), law, stiffening)
+            law, stiffening = own.law, own.stiffening
+        theory, shear = "exact", law in (None, "linear")
     chosen = chosen_theory(theory, q=q, shear=shear, law=law, stiffening=stiffening)
     round_beam = {
         "--span": span,
         "--diameter": diameter,
         "--modulus": modulus,
         "--poisson": poisson,
+        "--wall": wall,
     }
     given = [name for name, value in round_beam.items() if value is not None]
     section, strength = "a full round bar", None
@@ -123,11 +150,26 @@ def solve(
             diameter=diameter,
             modulus=modulus,
             poisson_ratio=0.3 if poisson is None else poisson,
+            wall=wall,
         )
+        section = section if wall is None else "a round tube"
         limit = threshold
     if limit is not None:
         positive(limit, "threshold", "MPa")
 
+    if load != "across":
+        solve_load_case(
+            load,
+            beam,
+            chosen.law if isinstance(chosen, Exact) else Linear(shear=True),
+            limit,
+            force=force,
+            elongation=deflection,
+            angle=angle,
+            pressure=pressure,
+            as_json=as_json,
+        )
+        return
     if (force is None) == (deflection is None):
         raise ValueError("give either --force (N) or --deflection (mm)")
     at = 0.5 * beam.span if grasp is None else grasp

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FIGURES", "draw_figures"]
+__all__ = ["FIGURES", "draw_figures", "save_figure"]
 
 FIGURES = {
     "figure-6-1": "Load and deflection, rubber (table 6.1)",
@@ -53,7 +53,7 @@ def draw_figures(comparisons: dict[str, Comparison], folder: Path) -> None:
         axes.set_title(title)
         axes.grid(alpha=0.3)
         axes.legend(frameon=False)
-        _save(figure, folder / name)
+        save_figure(figure, folder / name)
 
 
 def _deflections(axes: "Axes", comparison: Comparison) -> None:
@@ -91,7 +91,8 @@ def _normal_forces(axes: "Axes", table: Table) -> None:
     axes.set_ylabel("normal force at the clamp, lbf")
 
 
-def _save(figure: "Figure", path: Path) -> None:
+def save_figure(figure: "Figure", path: Path) -> None:
+    """Write a figure as PNG and SVG."""
     import matplotlib as mpl
 
     png, svg = BytesIO(), BytesIO()

@@ -8,7 +8,15 @@ from app.validation.bed_checks import BedCheck
 from app.validation.comparison import Comparison, HollowErrors, SolidErrors
 from app.validation.figures import FIGURES
 
-__all__ = ["beds_table", "errors_table", "hollow_table", "page", "rows_table", "solids_table"]
+__all__ = [
+    "beds_table",
+    "errors_table",
+    "hollow_table",
+    "markdown_table",
+    "page",
+    "rows_table",
+    "solids_table",
+]
 
 
 def page(
@@ -59,7 +67,7 @@ def errors_table(comparisons: Sequence[Comparison]) -> str:
         ]
         for index, column in enumerate(comparisons[0].columns)
     ]
-    return _markdown(head, rows)
+    return markdown_table(head, rows)
 
 
 def hollow_table(hollow: Sequence[HollowErrors]) -> str:
@@ -74,7 +82,7 @@ def hollow_table(hollow: Sequence[HollowErrors]) -> str:
             figures = [f"{force:g}", f"{deflection:.4g}", f"{stress:.2f}"]
             rows.append([share, *figures, f"{plane:+.2f}", f"{space:+.2f}"])
             share = ""
-    return _markdown(head, rows)
+    return markdown_table(head, rows)
 
 
 def solids_table(solids: Sequence[Sequence[SolidErrors]]) -> str:
@@ -91,7 +99,7 @@ def solids_table(solids: Sequence[Sequence[SolidErrors]]) -> str:
         ]
         for index, each in enumerate(solids[0])
     ]
-    return _markdown(head, rows)
+    return markdown_table(head, rows)
 
 
 def beds_table(beds: Sequence[BedCheck]) -> str:
@@ -108,7 +116,7 @@ def beds_table(beds: Sequence[BedCheck]) -> str:
         ]
         for each in beds
     ]
-    return _markdown(head, rows)
+    return markdown_table(head, rows)
 
 
 def rows_table(comparison: Comparison) -> str:
@@ -123,14 +131,15 @@ def rows_table(comparison: Comparison) -> str:
         ]
         for index, (force, calculated, ansys) in enumerate(comparison.table.rows)
     ]
-    return _markdown(head, rows)
+    return markdown_table(head, rows)
 
 
 def _deflection(value: float) -> str:
     return "none" if math.isnan(value) else f"{value:.6f}"
 
 
-def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table in Markdown, its columns as wide as their widest cells."""
     widths = [max(len(line[index]) for line in (head, *rows)) for index in range(len(head))]
     lines = [head, ["-" * (width - 1) + ":" for width in widths], *rows]
     return (

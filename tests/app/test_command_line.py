@@ -537,3 +537,38 @@ def test_info_lists_every_bed_with_its_source_and_confidence() -> None:
         assert f"confidence {bed.confidence}. " in words
     for wrong in (["info"], ["info", "duct.organ", "--beds"]):
         assert "either an .organ file or --beds" in refused(wrong)
+
+
+TUBE = ("--span", 30, "--diameter", 4, "--wall", 1, "--modulus", 5)
+
+
+def test_solve_a_pull_along_an_avulsion_and_an_inflation() -> None:
+    along = solved(*TUBE, "--load", "along", "--force", 3.0, "--threshold", 1.0)
+    area = 3.0 * np.pi
+    assert along["stress_MPa"] == pytest.approx(3.0 / area, rel=1e-9)
+    assert along["elongation_mm"] == pytest.approx(30.0 * 3.0 / area / 5.0, rel=1e-9)
+    assert along["breaks_at_N"] == pytest.approx(area, rel=1e-9)
+    torn = solved(*TUBE, "--load", "avulsion", "--threshold", 1.0, "--law", "neo-hooke")
+    assert torn["breaks_at_N"] == pytest.approx(area, rel=1e-9)
+    blown = solved(*TUBE, "--load", "inflation", "--pressure", 10)
+    assert blown["diameter_mm"] > 4.0
+    assert blown["hoop_stress_MPa"] == pytest.approx(0.01 * 1.5, rel=0.02)
+    preset = solved("--preset", "thesis-bile-duct", "--load", "along", "--deflection", 5)
+    assert preset["law"] == "linear"
+    assert preset["force_N"] == pytest.approx(0.310264 * 62.0716664 * 5.0 / 50.8, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--load", "twist", "--force", 1), "--load must be one of across, along"),
+        (("--load", "inflation"), "an inflation needs --pressure, kPa"),
+        (("--load", "avulsion"), "an avulsion needs a strength"),
+        (("--load", "along", "--force", 1, "--angle", 5), "--angle is not of --load along"),
+        (("--load", "along", "--force", 1, "--grasp", 5), "--grasp are not of --load along"),
+        (("--force", 1, "--pressure", 5), "--pressure of --load inflation"),
+        (("--load", "inflation", "--pressure", 1e6), "MPa at most, under which it grows"),
+    ],
+)
+def test_what_is_not_of_a_load_is_named(options: tuple[object, ...], said: str) -> None:
+    assert said in refused(["solve", *TUBE, *options])

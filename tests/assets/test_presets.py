@@ -1,5 +1,6 @@
 """The presets are complete, and those of the thesis are its inch, psi and pound-force figures."""
 
+import math
 import tomllib
 from typing import Any
 
@@ -44,7 +45,7 @@ def test_names_are_unique_and_the_default_comes_first() -> None:
 @pytest.mark.parametrize("preset", LIST, ids=BY_NAME)
 def test_a_preset_is_complete(preset: dict[str, Any]) -> None:
     assert preset.keys() >= REQUIRED
-    assert preset.keys() <= REQUIRED | BREAKS | FACTORS | {"looks_like"}
+    assert preset.keys() <= REQUIRED | BREAKS | FACTORS | {"looks_like", "law", "stiffening"}
     assert len(preset.keys() & BREAKS) == 1
     for name in ("title", "description", "source", "confidence_note"):
         assert preset[name].strip() == preset[name] != ""
@@ -64,7 +65,8 @@ def test_a_beam_is_round_with_its_size_or_the_organ_s_own(preset: dict[str, Any]
         assert beam.keys() == {"section"}
     else:
         assert beam["section"] == "round"
-        assert beam.keys() == {"section", "span_mm", "diameter_mm"}
+        assert {"section", "span_mm", "diameter_mm"} <= beam.keys()
+        assert beam.keys() <= {"section", "span_mm", "diameter_mm", "wall_mm"}
 
 
 @pytest.mark.parametrize(
@@ -96,6 +98,10 @@ def test_derived_figures_follow_from_those_that_their_sources_give() -> None:
     assert duct["break_stress_MPa"] == pytest.approx(
         duct["modulus_MPa"] * 30.672 / 45.0, rel=DERIVED_DIGITS
     )
+    cystic = BY_NAME["porcine-cystic-duct"]
+    area = math.pi * (3.0 - 0.5) * 0.5
+    assert cystic["break_stress_MPa"] == pytest.approx(4.8 / area, rel=DERIVED_DIGITS)
+    assert cystic["modulus_MPa"] == pytest.approx(4.8 / area / (6.0 / 25.0), rel=DERIVED_DIGITS)
     ureter = BY_NAME["human-ureter"]
     assert ureter["break_stress_MPa"] == pytest.approx(902.43 / 100.0, rel=DERIVED_DIGITS)
     assert ureter["modulus_MPa"] == pytest.approx(
