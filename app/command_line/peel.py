@@ -33,11 +33,11 @@ def peel(
         check_target(output)
     found = read_scene(scene)
     try:
-        history, _ = found.played()
+        history = found.played()
     except ValueError as error:
         raise ValueError(f"{scene}: {error}") from None
-    limit = found.beam.break_stress_MPa
-    law = None if limit is None else found.beam.law or "linear"
+    limit = None if found.beam is None else found.beam.break_stress_MPa
+    law = None if found.beam is None or limit is None else found.beam.law or "linear"
     report_history(
         history, None if limit is None else float(limit), output, law=law, as_json=as_json
     )
@@ -92,6 +92,9 @@ def report_history(
             ("threshold", f"{1e3 * threshold:.6g} kPa, {law} law; stresses are nominal"),
             ("least on the way", f"{result['least_distance_to_break_percent']:.2f} %"),
         ]
+    for tube in history.tubes:
+        torn = ", ".join(f"torn at {at:.4g} mm in step {step + 1}" for step, at in tube.torn)
+        lines.append((f"tube {tube.name}", torn or f"{tube.freed[-1]:.6g} mm freed"))
     lines += [("note", each) for each in history.notes]
     answer(result, lines, as_json=as_json)
 

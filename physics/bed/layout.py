@@ -144,7 +144,13 @@ class Rest:
             first += elements
         if plane:
             held |= IN_PLANE
-        walls = [None if each.wall is None else _at_ends(each.wall) for each in beams]
+        # A tube without a wall has no stress.
+        walls = [
+            np.full((each.stations.size - 1, 2, 3), np.inf)
+            if each.wall is None
+            else _at_ends(each.wall)
+            for each in beams
+        ]
         fibres = [each.fibres for each in beams if each.fibres is not None]
         group, pairs = _pairs(node, other, order)
         sort = np.argsort(group, kind="stable")
@@ -158,9 +164,7 @@ class Rest:
             q,
             radius,
             np.concatenate(stiffness),
-            None
-            if any(each is None for each in walls)
-            else np.concatenate([each for each in walls if each is not None]),
+            None if all(each.wall is None for each in beams) else np.concatenate(walls),
             (
                 np.concatenate([each[0] for each in fibres]),
                 np.concatenate([_at_ends(each[1]) for each in fibres]),

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from physics.bed.beam_on_bed import BeamOnBed
 from physics.bed.bed import Bed
+from physics.bed.network import Network
 from physics.bed.space_beam import SpaceBeam
 from physics.bed.strands import Strands
 from physics.equilibrium import NoEquilibrium
@@ -22,6 +23,8 @@ Floats = NDArray[np.float64]
 Steps = int | tuple[int, ...]
 
 MOST_STEPS = 100_000
+# Elements that stay between two tears of a tube.
+APART = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +42,7 @@ class Hand:
     along: tuple[bool, bool, bool] = (True, True, True)
     from_step: int = 0  # takes hold after so many steps of the whole
     until_step: int | None = None  # lets go after so many; never when None
+    tube: str | None = None  # that it holds, of a network; the first one when None
 
     def __post_init__(self) -> None:
         finite(self.at, "a hook's place", "mm")
@@ -118,6 +122,28 @@ def step_places(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class TubeHistory:
+    """What happened to a tube of a network in each of T steps."""
+
+    name: str
+    freed: Floats  # (T,) length whose strands have parted, mm
+    stress: Floats | None  # (T,) largest normal plus bending stress, MPa; None without a wall
+    strength: float  # nominal stress at which it tears, MPa; infinite where it does not
+    torn: tuple[tuple[int, float], ...]  # steps, from 0, after which it tore, and where, mm
+
+    def row(self, step: int) -> dict[str, object]:
+        """Return what `bluntdissect peel --json` writes of it after a step."""
+        out: dict[str, object] = {"freed_mm": float(self.freed[step])}
+        if self.stress is not None:
+            stress = float(self.stress[step])
+            out["stress_MPa"] = stress
+            if self.strength < np.inf:
+                out["distance_to_break_percent"] = 100.0 * (1.0 - stress / self.strength)
+        out["torn_at_mm"] = [at for when, at in self.torn if when <= step]
+        return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class History:
     """What happened in each of T steps of H hands."""
 
@@ -137,6 +163,7 @@ class History:
     damage: Floats  # (S,) of the strands after the last step, 0 to 1
     rounding: float  # work that rounding may do along the way, mJ
     notes: tuple[str, ...]  # on hands whose force moves nothing, in words
+    tubes: tuple[TubeHistory, ...] = ()  # of a network
 
     @property
     def steps(self) -> int:
@@ -177,6 +204,8 @@ class History:
                     row["distance_to_break_percent"] = 100.0 * (
                         1.0 - float(self.stress[t]) / threshold
                     )
+            if self.tubes:
+                row["tubes"] = {each.name: each.row(t) for each in self.tubes}
             rows.append(row)
         if rows:
             rows[-1]["shape_mm"] = self.shape.tolist()
@@ -195,6 +224,8 @@ class History:
         head += ["freed_mm", "strands_parted", "work_mJ", "stored_mJ", "dissipated_mJ", "snap_mJ"]
         if self.stress is not None:
             head += ["stress_MPa"] + ["distance_to_break_percent"] * (threshold is not None)
+        for tube in self.tubes:
+            head += [f"{tube.name}_freed_mm", f"{tube.name}_stress_MPa", f"{tube.name}_tears"]
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(head)
@@ -210,18 +241,23 @@ class History:
                 line.append(_cell(self.stress[t]))
                 if threshold is not None:
                     line.append(_cell(100.0 * (1.0 - self.stress[t] / threshold)))
+            for tube in self.tubes:
+                stress = np.nan if tube.stress is None else tube.stress[t]
+                tears = sum(when <= t for when, _ in tube.torn)
+                line += [_cell(tube.freed[t]), _cell(stress), tears]
             writer.writerow(line)
         return out.getvalue()
 
 
 def pull(
-    beam: SpaceBeam,
+    beam: SpaceBeam | Network,
     bed: Bed | Strands | Sequence[Bed] | None,
     hands: Sequence[Hand],
     *,
     rods: Sequence[Rod] = (),
     plane: bool = False,
-    floor: Floats | None = None,
+    floor: Floats | Sequence[Floats] | None = None,
+    strength: Mapping[str, float] | None = None,
     watch: Callable[[BeamOnBed], bool] | None = None,
 ) -> History:
     """Move hands and rods along their paths through equilibria and return what happened.
@@ -233,13 +269,18 @@ def pull(
     ----------
     beam, bed
         The beam at rest, with nodes where hands take hold (`SpaceBeam.from_axis(nodes_at=...)`),
-        and its bed or beds, or strands made by hand.
+        and its bed or beds, or strands made by hand; or a network and its strands.
     hands, rods
         What moves.
     plane
         Whether nothing leaves the plane of x and z.
     floor
-        (N,) stiffness of the floor at the nodes, N/mm, beside the beds' own.
+        (N,) stiffness of the floor at the nodes, N/mm, beside the beds' own; of a network a row
+        for each tube.
+    strength
+        Of a network's tubes the stresses at which they tear, MPa, where they have a wall. A tube
+        tears after the step in which it is passed, at the worst place, and again where three
+        elements or more are left of a piece.
     watch
         Called with the beam at rest, once hands have taken hold, and after each step, with which
         the pull ends if it returns True.
@@ -256,16 +297,10 @@ def pull(
     ValueError
         If hands are on top of one another or behind a clamp.
     """
-    beds = [bed] if isinstance(bed, Bed) else [] if isinstance(bed, Strands) else list(bed or ())
-    strands = (
-        bed
-        if isinstance(bed, Strands)
-        else Strands.joined([each.strands_under(beam) for each in beds])
-    )
-    ground = np.zeros(beam.stations.size) if floor is None else floor.copy()
-    for each in beds:
-        ground += each.floor_under(beam)
+    strands, ground = _tissue(beam, bed, floor)
     held = BeamOnBed(beam, strands, floor=ground, rods=len(rods), plane=plane)
+    names = beam.tubes if isinstance(beam, Network) else ()
+    tubes = [_TubeRecord(held, name, strength) for name in names]
     paths = [step_places(hand.path, hand.steps, "a hand's path") for hand in hands]
     sweeps = [step_places(rod.path, rod.steps, "a rod's path", begin=False) for rod in rods]
     total = max(
@@ -280,14 +315,14 @@ def pull(
     shape = (total, len(hands), 3)
     at, force = np.full(shape, np.nan), np.full(shape, np.nan)
     pushed = np.zeros((total, len(rods), 3))
-    stress = None if beam.wall is None else np.empty(total)
+    stress = None if isinstance(beam, Network) or beam.wall is None else np.empty(total)
     energy = np.empty((total, 5))
     freed, broken = np.empty(total), np.empty(total, dtype=np.int64)
     for t in range(total):
         for h, hand in enumerate(hands):
             if t == hand.from_step:
                 along = hand.along if hand.by == "displacement" else (False, False, False)
-                node = held.take(hand.at, along=along)
+                node = held.take(hand.at, hand.tube, along=along)
                 nodes[h], taken[h] = node, held.places[node]
             node = nodes[h]
             if node is None:
@@ -323,6 +358,8 @@ def pull(
         energy[t] = now.work, now.stored, now.dissipated, now.snap, now.residual
         if stress is not None:
             stress[t] = held.worst_stress().total
+        for tube in tubes:
+            tube.add(held, t)
         if watch is not None and watch(held):
             total = t + 1
             break
@@ -348,7 +385,65 @@ def pull(
             for hand, path in zip(hands, paths, strict=True)
             if hand.by == "force" and 0.0 < np.abs(path).max() <= held.rounding
         ),
+        tuple(tube.history() for tube in tubes),
     )
+
+
+class _TubeRecord:
+    """A tube of a network while it is pulled."""
+
+    def __init__(self, held: BeamOnBed, name: str, strength: Mapping[str, float] | None) -> None:
+        self.name = name
+        self.strength = (strength or {}).get(name, np.inf)
+        self._walled = held.network.tubes[name].wall is not None
+        if self.strength < np.inf and not self._walled:
+            raise ValueError(f"tube {name!r} has no wall that could tear")
+        self._freed: list[float] = []
+        self._stress: list[float] = []
+        self._torn: list[tuple[int, float]] = []
+        self._elements: list[int] = []
+
+    def add(self, held: BeamOnBed, step: int) -> None:
+        """Take down a step, and tear the tube where it is past its strength."""
+        self._freed.append(held.freed_of(self.name))
+        if not self._walled:
+            return
+        worst = held.worst_stress(self.name)
+        self._stress.append(worst.total)
+        element = held.element_at(worst.station, self.name)
+        near = any(abs(element - torn) < APART for torn in self._elements)
+        if worst.total > self.strength and not near:
+            self._elements.append(held.tear(worst.station, self.name))
+            self._torn.append((step, worst.station))
+
+    def history(self) -> TubeHistory:
+        """Return all that was taken down."""
+        stress = np.array(self._stress) if self._walled else None
+        torn = tuple(self._torn)
+        return TubeHistory(self.name, np.array(self._freed), stress, self.strength, torn)
+
+
+def _tissue(
+    beam: SpaceBeam | Network,
+    bed: Bed | Strands | Sequence[Bed] | None,
+    floor: Floats | Sequence[Floats] | None,
+) -> tuple[Strands, Sequence[Floats]]:
+    """Return strands and floors of tubes."""
+    if isinstance(beam, Network):
+        if not (bed is None or isinstance(bed, Strands)):
+            raise ValueError("a network takes strands, which name their tubes, and no beds")
+        none = [np.zeros(each.stations.size) for each in beam.tubes.values()]
+        return bed or Strands.none(), none if floor is None else list(floor)
+    beds = [bed] if isinstance(bed, Bed) else [] if isinstance(bed, Strands) else list(bed or ())
+    strands = (
+        bed
+        if isinstance(bed, Strands)
+        else Strands.joined([each.strands_under(beam) for each in beds])
+    )
+    ground: Floats = np.zeros(beam.stations.size) if floor is None else np.array(floor)
+    for each in beds:
+        ground += each.floor_under(beam)
+    return strands, [ground]
 
 
 def _triple(row: Floats) -> list[float] | None:

@@ -11,7 +11,16 @@ import pytest
 from program import refused, run
 
 from app.command_line.bed_options import BED_NAMES
-from app.simulation.bed.scene import BeamTable, BedTable, HandTable, RodTable, StrandTable
+from app.simulation.bed.scene import (
+    BeamTable,
+    BedTable,
+    HandTable,
+    JoinTable,
+    LayerTable,
+    RodTable,
+    StrandTable,
+    TubeTable,
+)
 from app.simulation.bed_preset import bed_presets
 
 ROOT = Path(__file__).parents[2]
@@ -90,7 +99,9 @@ def test_the_scene_of_the_docs_and_its_history(tmp_path: Path) -> None:
 
 
 def test_every_field_is_in_the_docs() -> None:
-    for table in (BeamTable, BedTable, HandTable, RodTable, StrandTable):
+    for table in (
+        BeamTable, BedTable, HandTable, RodTable, StrandTable, TubeTable, JoinTable, LayerTable
+    ):  # fmt: skip
         for field in table.__struct_fields__:
             assert f"`{field}`" in DOCS or f"`{field} =" in DOCS, field
 
@@ -313,3 +324,66 @@ def test_solve_in_a_bed_takes_a_law_and_says_where_the_linear_one_is_not_good() 
     assert found[2] < found[0] < found[1]
     assert "the exponential law has a stiffening" in refused([*own, "--law", "exponential"])
     assert "--law must be linear" in refused([*own, "--law", "cauchy"])
+
+
+(NETWORK,) = re.findall(r"```text\n(.*?)```", DOCS, flags=re.DOTALL)
+
+
+def test_a_network_of_the_docs_is_pulled_and_a_tube_of_it_tears(tmp_path: Path) -> None:
+    table = tmp_path / "history.csv"
+    found = peeled(scene(tmp_path, NETWORK), "-o", table)
+    rows = found["steps"]
+    assert len(rows) == 28
+    assert found["open_share"] < 1e-4
+    last = rows[-1]["tubes"]
+    assert set(last) == {"duct", "branch"}
+    torn = [row["tubes"]["branch"]["torn_at_mm"] for row in rows]
+    first = next(step for step, places in enumerate(torn) if places)
+    assert rows[first]["tubes"]["branch"]["stress_MPa"] > 0.1
+    assert all(row["tubes"]["branch"]["stress_MPa"] <= 0.1 for row in rows[:first])
+    assert rows[first]["tubes"]["branch"]["distance_to_break_percent"] < 0.0
+    assert last["duct"]["torn_at_mm"] == []
+    assert "distance_to_break_percent" not in last["duct"]
+    assert last["branch"]["freed_mm"] > 0.0
+    with table.open() as lines:
+        written = list(csv.DictReader(lines))
+    assert [int(line["branch_tears"]) for line in written] == [len(each) for each in torn]
+    assert float(written[-1]["duct_stress_MPa"]) == last["duct"]["stress_MPa"]
+    assert "tube branch" in run("peel", tmp_path / "scene.toml").stdout
+
+
+def test_a_network_of_one_tube_is_the_beam_on_its_bed(tmp_path: Path) -> None:
+    """The same numbers, by either tables."""
+    beam = 'ends = ["clamped", "free"]\nelements = 30\n'
+    stiffness = "\n".join(BEAM.splitlines()[5:]) + "\n"
+    axis = "[[0.0, 0.0, 0.0], [60.0, 0.0, 0.0]]\n"
+    one = peeled(scene(tmp_path, "[beam]\naxis_mm = " + axis, beam + stiffness, BED, HAND))
+    tube = '[[tube]]\nname = "a"\npoints_mm = ' + axis
+    layer = BED.replace("[bed]", '[[layer]]\ntube = "a"')
+    other = peeled(scene(tmp_path, tube, beam + stiffness, layer, HAND))
+    for row, same in zip(one["steps"], other["steps"], strict=True):
+        assert same.pop("tubes")["a"]["freed_mm"] == row["freed_mm"]
+        assert same == row
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            'to = "duct"\nat',
+            'to = "vein"\nat',
+            "joins 'vein', which must stand before it",
+        ),
+        ("at_mm = 20.0", "at_mm = 30.0", "end 0 of tube 'branch' is 10 mm away from 'duct'"),
+        ('ends = ["joined"', 'ends = ["free"', "end 0 of tube 'branch' is joined in one of"),
+        ('name = "branch"', 'name = "duct"', "there are two tubes 'duct'"),
+        ('tube = "branch"\nto', 'tube = "vein"\nto', "[[layer]] 1: there is no tube 'vein'"),
+        ('tube = "branch"\nat', 'tube = "vein"\nat', "there is no tube 'vein': duct, branch"),
+        ("end = 0", "end = 2", "Invalid enum value 2"),
+        ("reach_mm = 12.0", "reach = 12.0", "unknown field `reach`"),
+        ('[[tube]]\nname = "duct"', BEAM + '[[tube]]\nname = "duct"', "no [beam], [bed] or"),
+    ],
+)
+def test_refuses_networks_that_cannot_be(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in NETWORK
+    assert said in refused(["peel", scene(tmp_path, NETWORK.replace(old, new, 1))])

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import msgspec
 import numpy as np
@@ -11,7 +11,19 @@ import numpy as np
 from app.bounded_file import decoded, read_bounded
 from app.simulation.bed_preset import bed_named
 from physics import Beam, LawName, law_named
-from physics.bed import Bed, End, Hand, History, Patch, Rod, SpaceBeam, Strands, pull
+from physics.bed import (
+    Bed,
+    End,
+    Hand,
+    History,
+    Join,
+    Network,
+    Patch,
+    Rod,
+    SpaceBeam,
+    Strands,
+    pull,
+)  # fmt: skip
 from physics.bed.space_beam import axis_line
 from physics.quantity import finite, positive
 
@@ -22,12 +34,15 @@ Numbers = Number | list[Number]
 Point = tuple[Number, Number, Number]
 Steps = int | list[int]
 Span = tuple[Number, Number]
+SceneEnd = End | Literal["joined"]
 TableT = TypeVar("TableT", bound=msgspec.Struct)
 
 MOST_BYTES = 20_000_000
 """Size of a scene file: some 100,000 strands, each in a table of its own."""
 # Part of a curved axis's length.
 JUST_BEYOND = 1e-3
+MEETS_MM = 0.5
+"""How far a joined end may be from what it joins; it is moved there."""
 DIRECTIONS = {"x": 0, "y": 1, "z": 2}
 STIFFNESSES = (
     "axial_stiffness_N",
@@ -43,7 +58,7 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     span_mm: Number | None = None
     axis_mm: list[Point] | None = None
     elements: int = 240
-    ends: tuple[End, End] = ("clamped", "clamped")
+    ends: tuple[SceneEnd, SceneEnd] = ("clamped", "clamped")
     stations_mm: list[Number] | None = None
     axial_stiffness_N: Numbers | None = None  # noqa: N815 (units are written as they are)
     shear_stiffness_N: Numbers | None = None  # noqa: N815
@@ -71,6 +86,8 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         if (self.span_mm is None) == (self.axis_mm is None):
             raise ValueError("[beam] needs either span_mm or axis_mm")
         axis = None if self.axis_mm is None else np.array(self.axis_mm, dtype=np.float64)
+        free: list[End] = ["free" if each == "joined" else each for each in self.ends]
+        ends = free[0], free[1]
         if self.diameter_mm is not None or self.modulus_MPa is not None:
             given = [name for name in STIFFNESSES if getattr(self, name) is not None]
             if given or self.diameter_mm is None or self.modulus_MPa is None:
@@ -87,7 +104,7 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             )
             law = law_named(self.law or "linear", stiffening=self.stiffening)
             return SpaceBeam.of(
-                bar, law=law, elements=self.elements, ends=self.ends, axis=axis, nodes_at=nodes_at
+                bar, law=law, elements=self.elements, ends=ends, axis=axis, nodes_at=nodes_at
             )
         if self.break_stress_MPa is not None:
             raise ValueError("break_stress_MPa of [beam] goes with diameter_mm and modulus_MPa")
@@ -119,7 +136,7 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             stiffness=stiffness,
             span=None if self.span_mm is None else float(self.span_mm),
             axis=axis,
-            ends=self.ends,
+            ends=ends,
             stations=stations,
             radius=radius,
             nodes_at=nodes_at,
@@ -220,6 +237,40 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         )
 
 
+class TubeTable(BeamTable, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[[tube]]`: a beam of a network, with a name; its axis is `points_mm`."""
+
+    name: str
+    points_mm: list[Point]
+
+
+class JoinTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[[join]]`: an end of a tube fixed to a place of one that stands earlier."""
+
+    tube: str
+    end: Literal[0, 1]
+    to: str
+    at_mm: Number | Literal["begin", "end"]
+    stiff: Number = 1.0
+
+    def station(self, to: SpaceBeam | float) -> float:
+        """Return the place on the tube that is joined, mm."""
+        span = to.span if isinstance(to, SpaceBeam) else to
+        if self.at_mm == "begin":
+            return 0.0
+        at = span if self.at_mm == "end" else finite(self.at_mm, "at_mm of [[join]]", "mm")
+        return span if span < at <= span * (1.0 + JUST_BEYOND) else at
+
+
+class LayerTable(BedTable, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[[layer]]`: strands from a tube to the bed, or to another tube."""
+
+    tube: str
+    to: str = "bed"
+    reach_mm: Number | None = None
+    side: Literal["facing", "front", "back"] = "facing"
+
+
 class StrandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """`[[strand]]`: one strand by itself."""
 
@@ -298,6 +349,7 @@ class HandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     directions: str = "xyz"
     from_step: int = 0
     until_step: int | None = None
+    tube: str | None = None
 
     def made(self) -> Hand:
         """Return the hand."""
@@ -317,6 +369,7 @@ class HandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             along=("x" in self.directions, "y" in self.directions, "z" in self.directions),
             from_step=self.from_step,
             until_step=self.until_step,
+            tube=self.tube,
         )
 
 
@@ -342,18 +395,29 @@ class RodTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A beam on a bed and the hands that pull it."""
+    """A beam on a bed, or tubes that join, and the hands that pull them."""
 
-    beam: BeamTable
+    beam: BeamTable | None = None
     bed: BedTable | list[BedTable] | None = None
     strand: list[StrandTable] = []
     hand: list[HandTable] = []
     rod: list[RodTable] = []
+    tube: list[TubeTable] = []
+    join: list[JoinTable] = []
+    layer: list[LayerTable] = []
 
-    def played(self) -> tuple[History, SpaceBeam]:
+    def played(self) -> History:
         """Move the hands along their paths."""
         if not self.hand and not self.rod:
             raise ValueError("a scene needs a [[hand]] or a [[rod]]")
+        if self.tube:
+            return self._network_played()
+        if self.beam is None:
+            raise ValueError("a scene needs a [beam], or [[tube]] tables")
+        if self.join or self.layer or any(each.tube is not None for each in self.hand):
+            raise ValueError("[[join]], [[layer]] and a hand's tube go with [[tube]], not [beam]")
+        if "joined" in self.beam.ends:
+            raise ValueError("an end that is joined goes with [[tube]] and [[join]]")
         span = self.beam.axis_length()
         hands = [_on_axis(each, "at_mm", span).made() for each in self.hand]
         beam = self.beam.made([hand.at for hand in hands])
@@ -363,7 +427,7 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         strands += [
             _on_axis(each, "at_mm", span).made(beam, i + 1) for i, each in enumerate(self.strand)
         ]
-        history = pull(
+        return pull(
             beam,
             Strands.joined(strands),
             hands,
@@ -371,7 +435,92 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             plane=self.beam.plane,
             floor=np.sum([bed.floor_under(beam) for bed in beds], axis=0) if beds else None,
         )
-        return history, beam
+
+    def _network_played(self) -> History:
+        """Move the hands along their paths at tubes that join."""
+        if self.beam is not None or self.bed is not None or self.strand:
+            raise ValueError("[[tube]] has [[layer]] tables, and no [beam], [bed] or [[strand]]")
+        tubes: dict[str, SpaceBeam] = {}
+        for table in self.tube:
+            if table.name in tubes:
+                raise ValueError(f"there are two tubes {table.name!r}")
+            tubes[table.name] = self._tube(table, tubes)
+        for number, each in enumerate(self.join):
+            if each.tube not in tubes:
+                raise ValueError(f"[[join]] {number + 1}: there is no tube {each.tube!r}")
+        joins = [
+            Join(each.tube, each.end, each.to, each.station(tubes[each.to]), float(each.stiff))
+            for each in self.join
+        ]
+        network = Network(tubes, joins)
+        floor = {name: np.zeros(beam.stations.size) for name, beam in tubes.items()}
+        strands: list[Strands] = []
+        for number, layer in enumerate(self.layer):
+            for name in (layer.tube, layer.to):
+                if name not in tubes and not (name == "bed" and name == layer.to):
+                    raise ValueError(f"[[layer]] {number + 1}: there is no tube {name!r}")
+            beam = tubes[layer.tube]
+            bed = _on_axis(layer, "to_mm", beam.span).made(beam)
+            if layer.to == "bed":
+                made = bed.strands_under(beam)
+                tube = np.full(made.count, list(tubes).index(layer.tube))
+                strands.append(replace(made, tubes=tube))
+                floor[layer.tube] += bed.floor_under(beam)
+            else:
+                reach = math.inf if layer.reach_mm is None else float(layer.reach_mm)
+                strands.append(
+                    bed.strands_between(network, layer.tube, layer.to, reach=reach, side=layer.side)
+                )
+        hands = [
+            _on_axis(each, "at_mm", tubes[each.tube or next(iter(tubes))].span)
+            if each.tube is None or each.tube in tubes
+            else each
+            for each in self.hand
+        ]
+        return pull(
+            network,
+            Strands.joined(strands),
+            [hand.made() for hand in hands],
+            rods=[each.made() for each in self.rod],
+            plane=any(each.plane for each in self.tube),
+            floor=list(floor.values()),
+            strength={
+                each.name: float(each.break_stress_MPa)
+                for each in self.tube
+                if each.break_stress_MPa is not None
+            },
+        )
+
+    def _tube(self, table: TubeTable, tubes: dict[str, SpaceBeam]) -> SpaceBeam:
+        """Return a tube as a beam whose ends are where they join, with nodes where others do."""
+        name, points = table.name, list(table.points_mm)
+        joins = [join for join in self.join if join.tube == name]
+        for end in range(2):
+            if (table.ends[end] == "joined") != any(join.end == end for join in joins):
+                raise ValueError(
+                    f"end {end} of tube {name!r} is joined in one of [[tube]] and [[join]] alone"
+                )
+        for join in joins:
+            if join.to not in tubes:
+                raise ValueError(f"tube {name!r} joins {join.to!r}, which must stand before it")
+            to = tubes[join.to]
+            node = to.places[int(np.argmin(np.abs(to.stations - join.station(to))))]
+            away = float(np.sqrt(((node - points[-join.end]) ** 2).sum()))
+            if away > MEETS_MM:
+                raise ValueError(
+                    f"end {join.end} of tube {name!r} is {away:.3g} mm away from {join.to!r}"
+                )
+            points[-join.end] = (float(node[0]), float(node[1]), float(node[2]))
+        whole = msgspec.structs.replace(table, axis_mm=points)
+        length = whole.axis_length() or 0.0
+        own = {join.station(length) for join in self.join if join.to == name}
+        first = self.tube[0].name
+        own |= {
+            float(min(hand.at_mm, length))
+            for hand in self.hand
+            if (hand.tube or first) == name and hand.at_mm <= length * (1.0 + JUST_BEYOND)
+        }
+        return whole.made(sorted(at for at in own if 0.0 < at < length))
 
 
 def read_scene(path: Path) -> PeelScene:
