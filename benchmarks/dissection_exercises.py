@@ -8,46 +8,53 @@ import numpy as np
 from rich.console import Console
 
 from app.command_line.load import shipped_organ
-from app.simulation import BedExercise
-from app.simulation.bed import MANNERS, BedManner, BedSession, DissectionMeasures, bed_named, script
+from app.simulation import (
+    MANNERS,
+    BedExercise,
+    BedManner,
+    Metrics,
+    Session,
+    bed_named,
+    script,
+    specimen_in_bed,
+)
 from app.simulation.exercise import Outcome
 
 __all__ = ["measure_exercises"]
 
 BED, SEEDS = "firm", range(1, 21)
 COLUMNS = {
-    "share %": lambda found: 100.0 * found.peak_stress_ratio,
-    "time to break s": lambda found: found.shortest_time_to_break_s or 0.0,
-    "hand N": lambda found: max(found.maximum_force_N),
-    "rod N": lambda found: found.maximum_instrument_force_N,
-    "hidden": lambda found: found.strands_broken_out_of_sight,
-    "parted mJ": lambda found: found.strand_energy_mJ,
-    "work mJ": lambda found: sum(found.work_mJ),
-    "duct mJ": lambda found: found.duct_energy_mJ,
-    "angle": lambda found: found.traction_angle_deg or 0.0,
-    "s": lambda found: found.time_s,
+    "share %": lambda found: 100.0 * found["peak_stress_ratio"],
+    "time to break s": lambda found: found["shortest_time_to_break_s"] or 0.0,
+    "hand N": lambda found: max(found["maximum_force_N"]),
+    "rod N": lambda found: found["maximum_instrument_force_N"],
+    "hidden": lambda found: found["strands_broken_out_of_sight"],
+    "parted mJ": lambda found: found["strand_energy_mJ"],
+    "work mJ": lambda found: sum(found["work_mJ"]),
+    "duct mJ": lambda found: found["duct_energy_mJ"],
+    "angle": lambda found: found["traction_angle_deg"] or 0.0,
+    "s": lambda found: found["time_s"],
 }
 """Measures of a table, by heading."""
 
 
-def done(
-    session: BedSession, exercise: BedExercise, manner: BedManner
-) -> tuple[DissectionMeasures, Outcome]:
+def done(session: Session, exercise: BedExercise, manner: BedManner) -> tuple[Metrics, Outcome]:
     """Do an exercise with scripted hands."""
     session.start_exercise(exercise)
-    for _ in script(session, session.duct, exercise, manner):
+    for _ in script(session, session.spatial, exercise, manner):
         session.advance()
         if session.run.over:
             break
     outcome = session.run.outcome
-    return session.measures(), outcome or Outcome(False, "The hands were done before the goal.")
+    return session.metrics(), outcome or Outcome(False, "The hands were done before the goal.")
 
 
 def measure_exercises(console: Console) -> dict[str, Any]:
     """Print and return who passes, and mean and standard deviation of the measures."""
-    session = BedSession(shipped_organ(), bed=bed_named(BED), vertices=300)
+    session = Session(specimen_in_bed(shipped_organ(), bed=bed_named(BED)), vertices=300)
     figures: dict[str, Any] = {}
     for offered in session.exercises_offered():
+        assert isinstance(offered, BedExercise)
         console.print(
             f"\n{offered.title}, bed {offered.bed}: {offered.limit}",
             highlight=False,

@@ -31,7 +31,7 @@ from app.haptics.servo_process import (
     Snapshot,
 )
 from app.haptics.servo_report import ServoReport
-from app.simulation.bed import Touch
+from app.simulation import Touch
 from app.trainer.server.trainer import Trainer
 from benchmarks.browser_page import PICTURES, browser_page
 from benchmarks.haptic_servo import virtual_service

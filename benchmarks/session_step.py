@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from app.command_line.load import shipped_organ
-from app.simulation import Session
+from app.simulation import Session, free_specimen
 from physics import Exact
 
 __all__ = ["step_figures"]
@@ -18,9 +18,9 @@ SKINS = 2000
 
 def step_figures() -> dict[str, float]:
     """Return the median time of one step of a pulled session, whole and of its skin."""
-    session = Session(shipped_organ())
-    dissection = session.duct.dissection
-    limit = 0.6 * session.duct.force_limit
+    session = Session(free_specimen(shipped_organ()))
+    dissection = session.tissue.dissection
+    limit = 0.6 * session.planar.force_limit
 
     def timed(times: list[float], force: float) -> None:
         session.set_target_force(force)
@@ -49,13 +49,13 @@ def step_figures() -> dict[str, float]:
 
 def _beside_figures() -> dict[str, float]:
     """Return the times of a hand, of companions beside the duct, and of a duct at rest."""
-    session = Session(shipped_organ())
+    session = Session(free_specimen(shipped_organ()))
     stress = np.empty(len(session.drawn.surfaces[0].vertices), dtype=np.float32)
-    far = 0.8 * session.duct.deflection_limit
-    session.grab(session.duct.grasp)
+    far = 0.8 * session.planar.deflection_limit
+    session.grab(0, session.planar.grasp)
 
     def drag(turn: int) -> None:
-        session.move_hand(far * (0.5 + 0.3 * (turn % 2)))
+        session.lift(far * (0.5 + 0.3 * (turn % 2)))
         session.advance()
 
     found = {"hand_us": _median_us(drag)}

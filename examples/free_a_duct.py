@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from app.simulation.bed import bed_named
+from app.simulation import bed_named
 from physics import Beam
 from physics.bed import Hand, SpaceBeam, pull
 

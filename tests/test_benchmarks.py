@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from simulated import phantom
 
-from app.simulation import Session
+from app.simulation import Session, free_specimen
 from benchmarks import mujoco_chain, opensees_beam
 from benchmarks.duct import CENTRE, DUCT, FORCE, STEP, relative_error, walk_about
 from benchmarks.engine import Engine
@@ -70,7 +70,7 @@ def test_peer_that_does_not_load_says_why(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_hand_never_lets_the_duct_rest_nor_tears_it() -> None:
     """So every tick of a client has a frame, and frames that are missing were left out."""
-    session = Session(phantom())
+    session = Session(free_specimen(phantom()))
     for force in itertools.islice(hand_forces(), 100):
         session.set_target_force(force)
         for _ in range(3):  # ticks from move to move

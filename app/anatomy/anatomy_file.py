@@ -144,7 +144,7 @@ def _check_join(anatomy: Anatomy, join: JoinTable, number: int) -> None:
 
 
 def _check_layer(anatomy: Anatomy, layer: LayerTable, number: int) -> None:
-    from app.simulation.bed import bed_presets
+    from app.simulation import bed_presets
 
     def fault(message: str, field: str) -> TableError:
         return TableError(

@@ -157,7 +157,7 @@ def _beam(anatomy: Anatomy, tube: TubeTable, joins: list[tuple[JoinTable, SpaceB
 
 def _bed(anatomy: Anatomy, layer: LayerTable, beam: SpaceBeam, *, seed: int) -> Bed:
     """Return the tissue of a layer: its preset's, with the layer's own numbers."""
-    from app.simulation.bed import bed_named
+    from app.simulation import bed_named
 
     preset = bed_named(layer.preset)
     own: dict[str, Any] = {

@@ -19,10 +19,12 @@ from app.simulation import (
     HoldStretch,
     Preset,
     Session,
+    bed_named,
+    free_specimen,
     preset_named,
     renamed_exercise,
+    specimen_in_bed,
 )
-from app.simulation.bed import BedSession, bed_named
 from organ_geometry import Organ
 
 __all__ = ["GOALS", "ExerciseFile", "Goal", "SetExercise", "read_exercise", "template"]
@@ -101,15 +103,13 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def on(self, organ: Organ, preset: Preset | None) -> SetExercise:
         """Return what it asks on the class's organ; this takes seconds the first time."""
         chosen = preset if self.duct.preset is None else preset_named(self.duct.preset)
-        offered: tuple[Exercise, ...]
         if self.goal in PULLS:
-            pull = Session(organ, chosen, vertices=FEW)
-            span, offered = pull.duct.dissection.beam.span, pull.exercises_offered()
+            specimen = free_specimen(organ, chosen)
         else:
             bed = None if self.duct.bed is None else bed_named(self.duct.bed)
-            dissect = BedSession(organ, chosen, bed, bed_seed=self.duct.seed, vertices=FEW)
-            span, offered = dissect.duct.dissection.beam.span, dissect.exercises_offered()
-        named = {each.title: each for each in offered}
+            specimen = specimen_in_bed(organ, chosen, bed, bed_seed=self.duct.seed)
+        span = specimen.beam.span
+        named = {each.title: each for each in Session(specimen, vertices=FEW).exercises_offered()}
         found = named.get(GOALS[self.goal])
         if found is None:
             raise ValueError(f"goal {self.goal} cannot be reached on this duct in this bed")

@@ -102,8 +102,7 @@ def export(
     """
     from app.export.bed_export import BedExport
     from app.export.pull_export import PullExport
-    from app.simulation import Specimen, chosen_preset, default_preset
-    from app.simulation.bed import bed_named
+    from app.simulation import Specimen, bed_named, chosen_preset, default_preset
     from organ_geometry import write_atomic
 
     if output is None and html is None:

@@ -238,7 +238,7 @@ def _pull_result(
 def _bed_result(pulls: "list[MeasuredPull]", bed: str, modulus: float) -> Result:
     from dataclasses import replace
 
-    from app.simulation.bed import bed_named
+    from app.simulation import bed_named
     from app.study.bed_fit import fit_bed
 
     ducts = [replace(each, beam=replace(each.beam, modulus=modulus)) for each in pulls]

@@ -130,8 +130,7 @@ def haptics(
     from app.haptics.hand import read_hand
     from app.haptics.servo import real_time
     from app.haptics.servo_loop import LoopSettings
-    from app.simulation import Specimen, chosen_preset
-    from app.simulation.bed import bed_named
+    from app.simulation import Specimen, bed_named, chosen_preset
 
     if bed is not None and (theory is not None or shear):
         raise ValueError(
@@ -199,8 +198,7 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     from app.bounded_file import read_bounded
     from app.haptics.device_run import MOST_BYTES, read_device_run
     from app.haptics.duct_choice import DuctChoice, played_again
-    from app.simulation import Specimen, chosen_preset
-    from app.simulation.bed import bed_named
+    from app.simulation import Specimen, bed_named, chosen_preset
 
     content = read_bounded(file, MOST_BYTES, "device run")
     run = read_device_run(content)

@@ -86,7 +86,7 @@ def _list_beds(*, as_json: bool) -> None:
 
     import msgspec
 
-    from app.simulation.bed import bed_presets
+    from app.simulation import bed_presets
 
     def wrapped(words: str) -> str:
         return textwrap.fill(words, 89).replace("\n", "\n" + " " * 11)

@@ -26,7 +26,7 @@ def peel(
 
     Example: bluntdissect peel scene.toml --json -o history.csv
     """
-    from app.simulation.bed import read_scene
+    from app.simulation import read_scene
     from organ_geometry import check_target
 
     if output is not None:

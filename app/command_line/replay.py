@@ -59,8 +59,7 @@ def replay(
     import msgspec
 
     from app.bounded_file import read_bounded
-    from app.simulation import MOST_BYTES, read_run
-    from app.simulation.bed import replay_of
+    from app.simulation import MOST_BYTES, Replay, read_run
     from app.versions import versions
     from organ_geometry import check_target, write_atomic
 
@@ -72,7 +71,7 @@ def replay(
     if csv is not None:
         check_target(csv)
     shape = organ_from(organ)
-    again = replay_of(original.log, shape)
+    again = Replay(original.log, shape)
     found = again.run_file()
     same = original.agrees_with(found)
     rows = "" if csv is None else again.series().csv()

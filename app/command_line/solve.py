@@ -252,7 +252,7 @@ def _solve_in_bed(
 ) -> None:
     """Pull a duct off its bed and report the history."""
     from app.command_line.peel import report_history
-    from app.simulation.bed import bed_named
+    from app.simulation import bed_named
     from organ_geometry import check_target
     from physics.bed import Hand, pull
 

@@ -11,8 +11,7 @@ from app.export.bed_recorder import BedRecorder
 from app.export.motion import MOST_FRAMES, Motion
 from app.export.organ_export import ExportResult, OrganExport
 from app.export.snapshot import Snapshot, bed_snapshots
-from app.simulation import SETTLED_SECONDS, Phase, Reading
-from app.simulation.bed import BeddedSurface
+from app.simulation import SETTLED_SECONDS, BeddedSurface, Phase, Reading
 from organ_geometry.mesh import TornPiece
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, Hand, History, pull, step_places
@@ -72,15 +71,12 @@ class BedExport(OrganExport):
             deepest.append(max(deepest[-1], deflection))
             force = beam.hand_force(node) if step else np.zeros(3)
             place = axis + displaced[step]
-            reading = Reading(
-                phase=Phase.INTACT,
+            reading = Reading.of_one(
+                check,
                 force=float(np.sqrt(force @ force)),
                 deflection=deflection,
-                check=check,
-                breaks_at=None,
                 deepest=deepest[-1],
                 hook=(float(place[0]), float(place[1]), float(place[2])),
-                held=True,
             )
             recorder.add(times[step], beam, reading)
             torn = beam if check.broken else None

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from app.export.motion import RUN_STEP, Motion, MotionKey, recoil_times
 from app.export.strands import BedTrack, stubs
-from app.simulation import Dissection, Phase, Reading, tear_front, tear_swing
-from app.simulation.bed import BeddedSurface
+from app.simulation import BeddedSurface, Dissection, Phase, Reading, tear_front, tear_swing
 from physics import RuptureCheck
 from physics.bed import BeamOnBed
 
@@ -58,7 +57,12 @@ class BedRecorder:
             self._surface.move(beam, self._dissection.rest_transforms(), piece, element)
             for piece in (0, 1)
         ]
-        tearing = replace(last.reading, phase=Phase.TEARING, check=check, held=False)
+        tearing = replace(
+            last.reading,
+            phase=Phase.TEARING,
+            check=check,
+            holding=(False,) * len(last.reading.holding),
+        )
         torn = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
         middle = beam.stations[element : element + 2].mean() / self._surface.scale
         self._tear = self._dissection.clamps[0] + float(middle)

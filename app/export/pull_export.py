@@ -100,7 +100,7 @@ class PullExport(OrganExport):
         broken = self.theory.pull(dissection.beam, self.grasp).to_force(event.force)
         at_break, last = broken.sample(dissection.beam_stations), keys[-1]
         # The hook stays where it tore the duct, and what it read is the break's.
-        tearing = replace(last.reading, phase=Phase.TEARING, held=False)
+        tearing = replace(last.reading, phase=Phase.TEARING, holding=(False,))
         parted = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
         for elapsed in recoil_times(run_step).tolist():
             transforms = dissection.rest_transforms()
@@ -127,15 +127,13 @@ class PullExport(OrganExport):
             if keys:  # the first stays the identity to the bit
                 dissection.move(pulled.subset(slice(None, driven.size)), transforms)
             lifted = pulled.deflection
-            reading = Reading(
-                phase=Phase.INTACT,
+            reading = Reading.of_one(
+                check_rupture(pulled.subset(slice(driven.size, None)), self.threshold),
                 force=pulled.force,
                 deflection=lifted,
-                check=check_rupture(pulled.subset(slice(driven.size, None)), self.threshold),
-                breaks_at=self.break_event,
                 deepest=lifted,
                 hook=(x + float(pulled.along[held]) - grasp, y, z + lifted),
-                held=True,
+                breaks_at=self.break_event,
             )
             keys.append(MotionKey(time, transforms, reading))
         return keys

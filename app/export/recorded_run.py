@@ -14,15 +14,11 @@ from app.simulation import (
     TICK_SECONDS,
     Dissection,
     Phase,
-    Reading,
     Replay,
     RunLog,
-    Session,
 )
-from app.simulation.bed import BeddedDuct, BedSession
 from organ_geometry import Organ
 from organ_geometry.mesh import TornPiece, organ_skin
-from physics import RuptureCheck
 
 __all__ = ["RUN", "RecordedRun"]
 
@@ -40,20 +36,20 @@ class RecordedRun:
 
     @classmethod
     def of_log(cls, log: RunLog, organ: Organ, *, frames: int) -> "RecordedRun":
-        """Return a logged run: `frames` keys to its end or tear, then the recoil."""
-        if log.start.in_bed:
-            return cls.of_dissection(Replay(BedSession, log, organ, vertices=FEW), frames=frames)
-        return cls.of(Replay(Session, log, organ, vertices=FEW), frames=frames)
+        """Return a logged run: `frames` keys to its end or tear, then the recoil tick by tick."""
+        check_frames(frames)
+        if not log.ticks:
+            raise ValueError("a run of no ticks has nothing to play; move a hand, and wait")
+        replay = Replay(log, organ, vertices=FEW)
+        if log.start.theory is None:
+            return cls._of_space(replay, frames)
+        return cls._of_plane(replay, frames)
 
     @classmethod
-    def of(cls, replay: Replay[Session], *, frames: int) -> "RecordedRun":
-        """Return a replayed run: `frames` keys to its end or tear, then the recoil tick by tick."""
-        check_frames(frames)
+    def _of_plane(cls, replay: Replay, frames: int) -> "RecordedRun":
+        """Return a run in a plane, whose surface is where it is drawn."""
         ticks, session = replay.log.ticks, replay.session
-        if not ticks:
-            raise ValueError("a run of no ticks has nothing to play; pull, and wait a moment")
-        replay.seek_tick(0)
-        dissection = session.duct.dissection
+        dissection = session.tissue.dissection
         shown = set(np.rint(np.linspace(0.0, ticks, frames)).astype(int).tolist())
         # The first key stays the identity to the bit.
         keys = [MotionKey(0.0, dissection.rest_transforms(), session.reading())]
@@ -61,7 +57,7 @@ class RecordedRun:
         while tick < last:
             tick += 1
             replay.seek_tick(tick)
-            tear, time = session.duct.tear, tick * TICK_SECONDS
+            tear, time = session.planar.tear, tick * TICK_SECONDS
             front = None if tear is None else tear.front
             if front is None and tick not in shown:
                 continue
@@ -73,22 +69,16 @@ class RecordedRun:
         return cls(dissection, Motion.of(RUN, keys), replay.log.seed)
 
     @classmethod
-    def of_dissection(cls, replay: Replay[BedSession], *, frames: int) -> "RecordedRun":
-        """Return a replayed dissection: `frames` keys to its end or its tear, then the recoil."""
-        check_frames(frames)
-        ticks, session = replay.log.ticks, replay.session
-        if not ticks:
-            raise ValueError("a run of no ticks has nothing to play; move a hand, and wait")
-        replay.seek_tick(0)
-        duct = session.duct
+    def _of_space(cls, replay: Replay, frames: int) -> "RecordedRun":
+        """Return a run in space, whose strands are recorded with it."""
+        ticks, duct = replay.log.ticks, replay.session.spatial
         recorder = BedRecorder(duct.dissection, duct.surface, divided=duct.divided)
         shown = np.rint(np.linspace(0.0, ticks, frames)).astype(int)
         # A tear ends the run: the last key of the whole duct is the one before.
         for tick in np.unique([*shown, ticks - 1]).tolist():
             replay.seek_tick(tick)
             if duct.torn is None:
-                check = duct.surface.check(duct.beam, duct.threshold)
-                recorder.add(tick * TICK_SECONDS, duct.beam, _bed_reading(duct, check))
+                recorder.add(tick * TICK_SECONDS, duct.beam, duct.reading())
         if duct.torn is not None:
             replay.seek_tick(ticks + AFTER_TEAR)
             recorder.add_tear(duct.beam, duct.torn_element, duct.torn, run_step=TICK_SECONDS)
@@ -124,23 +114,3 @@ class RecordedRun:
             self.pieces(edge_length=edge_length),
             radius=organ.mean_radius,
         )
-
-
-def _bed_reading(duct: BeddedDuct, check: RuptureCheck) -> Reading:
-    """Return what is shown of a duct in its bed: the hand that pulls hardest."""
-    shown = duct.reading()
-    hardest = int(np.argmax((shown.forces**2).sum(axis=1)))
-    force, node = shown.forces[hardest], duct.hands[hardest].node
-    moved = np.zeros(3) if node is None else duct.beam.places[node] - duct.beam.rest_place(node)
-    deflection = float(np.sqrt(moved @ moved))
-    x, y, z = duct.hands[hardest].place.tolist()
-    return Reading(
-        phase=Phase.INTACT,
-        force=float(np.sqrt(force @ force)),
-        deflection=deflection,
-        check=check,
-        breaks_at=None,
-        deepest=deflection,
-        hook=(x, y, z),
-        held=shown.held[hardest],
-    )

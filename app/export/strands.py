@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.bed import BeddedSurface
+from app.simulation import BeddedSurface
 from organ_geometry import DrivingPoints
 
 __all__ = ["BedTrack", "StrandsSnapshot", "stubs"]

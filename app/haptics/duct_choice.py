@@ -8,8 +8,7 @@ from app.haptics.felt_bed import FeltBed
 from app.haptics.felt_duct import FeltDuct, FeltModel
 from app.haptics.regulator import WORK
 from app.haptics.servo_loop import LoopSettings, ServoLoop
-from app.simulation import OrganIdentity, Specimen, TheoryChoice
-from app.simulation.bed import ELEMENTS
+from app.simulation import ELEMENTS, OrganIdentity, Specimen, TheoryChoice
 
 __all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "passive_delay", "played_again"]
 

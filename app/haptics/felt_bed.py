@@ -25,8 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.haptics.felt_duct import STRESS_STEPS
-from app.simulation import TICK_SECONDS
-from app.simulation.bed import Touch
+from app.simulation import TICK_SECONDS, Touch
 from kernel_cache import njit
 from physics.bed import BeamOnBed
 from physics.equilibrium import NoEquilibrium

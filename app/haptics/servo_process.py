@@ -25,7 +25,7 @@ from app.haptics.felt_run import least_limits, opened_devices
 from app.haptics.servo import Servo, real_time
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.haptics.servo_report import ServoReport
-from app.simulation.bed import Touch
+from app.simulation import Touch
 from physics import Beam, Theory
 from physics.bed import BeamOnBed
 

@@ -1,14 +1,15 @@
 """A duct between two clamps that is pulled, measured, torn and replayed; no viewer in it.
 
 What is listed here is the package's public face; other packages import from it and not by path.
-`app.simulation.bed` has the duct in its bed of tissue.
+`app.simulation` has the duct in its bed of tissue.
 """
 
+from app.simulation.bed_preset import BedPreset, bed_named, bed_presets
+from app.simulation.bedded_surface import BeddedSurface
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.dissection import PIECES, Dissection, default_preset, fits, organ_beam
 from app.simulation.drawn_duct import Stresses, SurfaceStress
-from app.simulation.duct import Duct, Reading
 from app.simulation.exercise import (
     TITLES,
     ApproachBreak,
@@ -20,12 +21,15 @@ from app.simulation.exercise import (
     HoldStretch,
     Outcome,
 )
+from app.simulation.exercise_limits import rehearsed
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import Grasper, Load
+from app.simulation.hand import Hand
 from app.simulation.inputs import HOLDING, INSTRUMENTS, Input, Instrument, TheoryChoice
-from app.simulation.measures import Measures
 from app.simulation.metrics import DISTANCE_TO_BREAK, METRICS, Metric, Metrics, metrics_of
 from app.simulation.older_runs import read_run, renamed_exercise, renamed_metrics
+from app.simulation.peel_scene import PeelScene, read_scene
+from app.simulation.planar_tissue import PlanarTissue
 from app.simulation.preset import (
     ASSUMED_PRESET,
     LIMITS,
@@ -40,9 +44,12 @@ from app.simulation.preset import (
     presets,
     read_preset,
 )
+from app.simulation.reading import Reading, Vector
 from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
 from app.simulation.run import Run
 from app.simulation.run_file import (
+    ELEMENTS,
+    HANDS,
     MOST_BYTES,
     OrganIdentity,
     RunFile,
@@ -50,36 +57,56 @@ from app.simulation.run_file import (
     RunLog,
     run_json,
 )
-from app.simulation.scripted_hand import CAREFUL, do_exercise
-from app.simulation.session import VERTICES, Session
+from app.simulation.scripted_hands import MANNERS, BedManner, script
+from app.simulation.scripted_pull import CAREFUL, do_exercise
+from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
+from app.simulation.spatial_tissue import (
+    JAW_RADIUS,
+    MOST_OPENING,
+    SWAB_RADIUS,
+    TOWARDS_HAND,
+    Rod,
+    SpatialTissue,
+    Touch,
+)
 from app.simulation.specimen import Specimen
 from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
+from app.simulation.tissue import Tissue
 
 __all__ = [
     "AFTER_TEAR",
     "ASSUMED_PRESET",
     "CAREFUL",
     "DISTANCE_TO_BREAK",
+    "ELEMENTS",
     "FEW",
     "FRONT_SECONDS",
+    "HANDS",
     "HOLDING",
     "INSTRUMENTS",
+    "JAW_RADIUS",
     "LIMITS",
+    "MANNERS",
     "METRICS",
     "MOST_BYTES",
+    "MOST_OPENING",
     "PIECES",
     "SETTLED_SECONDS",
+    "SWAB_RADIUS",
     "THESIS_PRESET",
     "TICKS_PER_SECOND",
     "TICK_SECONDS",
     "TITLES",
+    "TOWARDS_HAND",
     "VERTICES",
     "ApproachBreak",
     "BeamModel",
     "BedExercise",
+    "BedManner",
+    "BedPreset",
+    "BeddedSurface",
     "Clock",
     "Dissection",
-    "Duct",
     "Exercise",
     "ExerciseInputs",
     "Feedback",
@@ -88,20 +115,23 @@ __all__ = [
     "GhostReading",
     "GraspedBeam",
     "Grasper",
+    "Hand",
     "HoldStretch",
     "Input",
     "Instrument",
     "Load",
-    "Measures",
     "Metric",
     "Metrics",
     "OrganBeam",
     "OrganIdentity",
     "Outcome",
+    "PeelScene",
     "Phase",
+    "PlanarTissue",
     "Preset",
     "Reading",
     "Replay",
+    "Rod",
     "RoundBeam",
     "Run",
     "RunFile",
@@ -109,16 +139,23 @@ __all__ = [
     "RunLog",
     "Series",
     "Session",
+    "SpatialTissue",
     "Specimen",
     "Spread",
     "Stresses",
     "SurfaceStress",
     "SwingingChain",
     "TheoryChoice",
+    "Tissue",
+    "Touch",
+    "Vector",
+    "bed_named",
+    "bed_presets",
     "chosen_preset",
     "default_preset",
     "do_exercise",
     "fits",
+    "free_specimen",
     "loading_rates",
     "metrics_of",
     "organ_beam",
@@ -127,9 +164,13 @@ __all__ = [
     "presets",
     "read_preset",
     "read_run",
+    "read_scene",
+    "rehearsed",
     "renamed_exercise",
     "renamed_metrics",
     "run_json",
+    "script",
+    "specimen_in_bed",
     "tear_front",
     "tear_swing",
 ]

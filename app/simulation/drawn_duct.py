@@ -51,6 +51,8 @@ class DrawnDuct:
         self.shape = 0
         self.surfaces: tuple[Surface, ...] = ()
         self.transforms: NDArray[np.float64] = np.empty((0, 3, 4))
+        self.at_tear = self.transforms  # as the duct tore
+        self.in_pieces = False
         self._seed = seed
         self._pieces: tuple[TornPiece, ...] = ()
         self._bound: tuple[BoundSkin, ...] = ()
@@ -69,6 +71,7 @@ class DrawnDuct:
     def show_pieces(self, check: RuptureCheck) -> None:
         """Show the two pieces that the organ tears into where the criterion was met."""
         dissection = self._dissection
+        self.at_tear = self.transforms.copy()
         pieces = dissection.torn_at(check, edge_length=self.edge_length, seed=self._seed)
         self._show(
             tuple(
@@ -129,6 +132,7 @@ class DrawnDuct:
 
     def _show(self, surfaces: tuple[Surface, ...], pieces: tuple[TornPiece, ...] = ()) -> None:
         self.surfaces, self._pieces = surfaces, pieces
+        self.in_pieces = bool(pieces)
         self._bound = tuple(each.skin.bound_to(self._dissection.driving) for each in surfaces)
         self._stress = None
         self.shape += 1

@@ -127,6 +127,11 @@ class GraspedBeam:
             return BOUNDLESS_DEFLECTION * self.model.dissection.beam.span
         return PAST_BREAK * event.deflection
 
+    @property
+    def rest_height(self) -> float:
+        """Height of the axis at the grasp at rest, mm along the pull."""
+        return self._rest[2]
+
     def hook(self, part: float = 1.0) -> tuple[float, float, float]:
         """Return where the axis at the grasp is, by a part of the way (`Reading.hook`)."""
         x, y, z = self._rest

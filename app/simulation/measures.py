@@ -116,7 +116,7 @@ class MeasureTaker:
         """Mean of |F| over the ticks with force so far, N; 0 without any."""
         return self._force_sum / self._loaded if self._loaded else 0.0
 
-    def take(
+    def add(
         self,
         force: float,
         hook: Place,

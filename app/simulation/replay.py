@@ -4,18 +4,14 @@ import math
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Generic, Protocol, Self, TypeVar
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
-from app.simulation.inputs import Input
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
-from app.simulation.metrics import metrics_of
-from app.simulation.run import Run
 from app.simulation.run_file import RunFile, RunLog
+from app.simulation.session import Session
 from app.simulation.tear import SETTLED_SECONDS
 from organ_geometry import Organ
 
@@ -45,55 +41,7 @@ class Series:
         return "\n".join(lines) + "\n"
 
 
-class Replayed(Protocol):
-    """A session that can be taken through a run."""
-
-    @classmethod
-    def of_log(cls, log: RunLog, organ: Organ, vertices: int) -> Self:
-        """Return a session for a run; a `RunFileError` where it cannot be replayed here."""
-        ...
-
-    run: Run
-
-    @property
-    def torn(self) -> bool:
-        """Whether the duct is torn."""
-        ...
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the figures of `row`."""
-        ...
-
-    def row(self) -> tuple[float, ...]:
-        """Return what the instruments show now."""
-        ...
-
-    def restart(self, log: RunLog) -> None:
-        """Go to where a run starts."""
-        ...
-
-    def apply(self, each: Input) -> None:
-        """Apply an input."""
-        ...
-
-    def advance(self, ticks: int = 1) -> bool:
-        """Advance by some ticks."""
-        ...
-
-    def finish(self) -> None:
-        """End the run."""
-        ...
-
-    def measures(self) -> msgspec.Struct:
-        """Return the measures of the run so far."""
-        ...
-
-
-SessionT = TypeVar("SessionT", bound=Replayed)
-
-
-class Replay(Generic[SessionT]):
+class Replay:
     """A logged run in a session of its own, on the organ that it was made on.
 
     The session's skin has about `vertices` vertices. A `RunFileError` says that the run was made on
@@ -101,17 +49,15 @@ class Replay(Generic[SessionT]):
     leaves it where it is.
     """
 
-    def __init__(
-        self, kind: type[SessionT], log: RunLog, organ: Organ, *, vertices: int = FEW
-    ) -> None:
+    def __init__(self, log: RunLog, organ: Organ, *, vertices: int = FEW) -> None:
         self.log = log
-        self._session = kind.of_log(log, organ, vertices)
+        self._session = Session.of_log(log, organ, vertices)
         self._at = self._next = 0
         self._tore: bool | None = None
         self._session.restart(log)
 
     @property
-    def session(self) -> SessionT:
+    def session(self) -> Session:
         """The session that is taken through the run; to be read only."""
         return self._session
 
@@ -152,7 +98,7 @@ class Replay(Generic[SessionT]):
             self._take_inputs()
             self._session.finish()
             if self._tore is None:
-                self._tore = self._session.torn
+                self._tore = self._session.tissue.torn is not None
             rest = min(tick, self.ticks) - self._at
             if rest > 0:
                 self._session.advance(rest)
@@ -163,7 +109,7 @@ class Replay(Generic[SessionT]):
         with self._aside():
             self.seek_tick(self.log.ticks)
             session = self._session
-            return RunFile.of(self.log, metrics_of(session.measures()), session.run.outcome)
+            return RunFile.of(self.log, session.metrics(), session.run.outcome)
 
     def series(self) -> Series:
         """Return what the instruments showed, tick by tick."""
@@ -172,8 +118,8 @@ class Replay(Generic[SessionT]):
             self.seek_tick(0)
             for tick in range(1, self.log.ticks + 1):
                 self.seek_tick(tick)
-                rows.append((tick * TICK_SECONDS, *self._session.row()))
-        return Series(("time_s", *self._session.columns), rows)
+                rows.append((tick * TICK_SECONDS, *self._session.tissue.row()))
+        return Series(("time_s", *self._session.tissue.columns), rows)
 
     @contextmanager
     def _aside(self) -> Generator[None]:

@@ -28,6 +28,14 @@ class Taker(Protocol):
 
     ticks: int
 
+    def start(self) -> None:
+        """Start with the first input."""
+        ...
+
+    def take(self, *, moved: bool) -> None:
+        """Take one tick, in which something moved or all stood still."""
+        ...
+
     def measures(self) -> msgspec.Struct:
         """Return the measures so far."""
         ...
@@ -135,8 +143,7 @@ class Run:
             self._over = True
 
     def metrics(self) -> Metrics:
-        """Return the measures so far, by key; a `ValueError` before the start."""
-        self._started_from()
+        """Return the measures so far, by key."""
         return metrics_of(self._taker.measures())
 
     def file(self, organ: OrganIdentity, seed: int) -> RunFile:

@@ -227,8 +227,8 @@ def _check_start(start: RunStart) -> None:
             raise RunFileError("a run has a theory in the plane or a bed, not both")
         if start.grasp_mm is None or not math.isfinite(start.grasp_mm):
             raise RunFileError(f"grasp_mm must be a number, got {start.grasp_mm}")
-    elif start.bed is None or start.bed_seed is None or start.strands_sha256 is None:
-        raise RunFileError("a run without a theory must have bed, bed_seed and strands_sha256")
+    elif start.bed is not None and (start.bed_seed is None or start.strands_sha256 is None):
+        raise RunFileError("a run in a bed must have bed_seed and strands_sha256")
     elif (start.elements, start.substeps) != (ELEMENTS, SUBSTEPS):
         raise RunFileError(
             f"a run of {start.elements} elements and {start.substeps} steps a tick; this program "

@@ -1,259 +1,334 @@
-"""A session: one trainee's duct, the inputs to it, its settings and its runs, without a viewer.
+"""A session: one trainee's tissue, the inputs to it, its settings and its runs, without a viewer.
 
-The same action has one name from the page down: `set_target_force`, `set_grasp`, `set_threshold`,
-`grab`, `move_hand`, `release`. An input is clamped to its range here, set on the grasper or the
-duct, logged with the value applied after clamping, and solved with the next tick by `advance`.
+The same action has one name from the page down: `choose_instrument`, `grab`, `move_hand`,
+`open_jaws`, `release`, `lift`, `set_target_force`, `set_grasp`, `set_threshold`. An input goes to
+the tissue, which clamps it to its range; it is logged as it has acted, and solved with the next
+tick by `advance`. Places are mm in the duct's frame: along it from the first clamp, lateral, and
+along the pull, away from a bed.
 """
 
 import contextlib
+import copy
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from threading import RLock
 from typing import Self
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from app.simulation.bed_preset import BedPreset, bed_named
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
-from app.simulation.dissection import Dissection, default_preset, fits
+from app.simulation.dissection import default_preset, fits
 from app.simulation.drawn_duct import DrawnDuct
-from app.simulation.duct import Duct, Reading
 from app.simulation.exercise import (
+    BedExercise,
     Exercise,
     ExerciseInputs,
     Feedback,
     exercises_for,
-    goal_band,
 )
-from app.simulation.grasped_beam import BeamModel, GraspedBeam
-from app.simulation.grasper import Grasper, Load
-from app.simulation.inputs import Input, TheoryChoice
-from app.simulation.measures import Measures, MeasureTaker
+from app.simulation.exercise_limits import bed_exercises
+from app.simulation.grasped_beam import BeamModel
+from app.simulation.inputs import INSTRUMENTS, Input, InputKind, Instrument, TheoryChoice
+from app.simulation.metrics import Metrics
+from app.simulation.planar_tissue import PlanarTissue
 from app.simulation.preset import OrganBeam, Preset, preset_named, presets
+from app.simulation.reading import Reading, Vector
 from app.simulation.run import Run
-from app.simulation.run_file import OrganIdentity, RunFile, RunFileError, RunLog, RunStart
-from app.simulation.trial import trial_of
+from app.simulation.run_file import (
+    OrganIdentity,
+    RunFile,
+    RunFileError,
+    RunLog,
+    strands_digest,
+)
+from app.simulation.spatial_tissue import SpatialTissue, Touch
+from app.simulation.specimen import Specimen
+from app.simulation.tissue import Tissue
 from organ_geometry import Organ
 from physics import Cubic, NoEquilibrium, Theory
+from physics.bed import BeamOnBed
 
-__all__ = ["VERTICES", "Session"]
+__all__ = ["VERTICES", "Session", "free_specimen", "specimen_in_bed"]
 
 VERTICES = 5000
 """Vertices of the skin, about: as many as a browser without a graphics card draws smoothly."""
-# Force above which a run's time is counted, over the force at break at mid-span.
-TASK_THRESHOLD = 0.5
 MOST_TRIES = 20
-# A free duct has one hand at one tube.
-HAND = TUBE = 0
 """Most finished exercises kept for comparison."""
+# What an exercise that counts the hand alone does not take.
+BY_SLIDER: frozenset[InputKind] = frozenset({"force", "grasp", "threshold"})
+TUBE = 0  # there is one
+
+
+def free_specimen(
+    organ: Organ, preset: Preset | None = None, theory: Theory | None = None
+) -> Specimen:
+    """Return an organ's duct in the plane of its pull, by the cubic theory if none is given."""
+    return Specimen(preset or default_preset(organ), organ, theory=theory or Cubic())
+
+
+def specimen_in_bed(
+    organ: Organ,
+    preset: Preset | None = None,
+    bed: BedPreset | None = None,
+    *,
+    bed_seed: int = 1,
+    threshold_MPa: float | None = None,  # noqa: N803
+) -> Specimen:
+    """Return an organ's duct in a bed, the normal one if none is given."""
+    return Specimen(
+        preset or default_preset(organ),
+        organ,
+        bed or bed_named("normal"),
+        bed_seed=bed_seed,
+        threshold_MPa=threshold_MPa,
+    )
 
 
 class Session:
-    """One duct under one grasper, stepped in time. Safe to call from several threads.
+    """One specimen under a pair of hands, stepped in time. Safe to call from several threads.
 
     Inputs come from a browser: out of range they are clamped, and those that are not numbers are
     ignored. Time advances in ticks of `TICK_SECONDS`; to the bit, the course of a session is a
     function of the inputs and of the ticks at which they come.
 
-    It opens on `preset`, or on `default_preset` when that is None; its skin has about `vertices`
-    vertices, and `seed` chooses the raggedness of the torn rim. `duct`, `grasper`, `drawn` and
-    `run` are public for reading; `duct` is another object after a choice of organ or preset, `run`
-    after a reset.
+    The skin has about `vertices` vertices, and `seed` chooses the raggedness of the torn rim;
+    `broken_by_touch` is that of a run's start. `tissue`, `drawn` and `run` are public for reading;
+    `tissue` is another object after a choice of organ, preset, bed or exercise's bed, `run` after a
+    reset. A run starts with the first input and is over with the tear or the exercise.
     """
 
     def __init__(
         self,
-        organ: Organ,
-        preset: Preset | None = None,
+        specimen: Specimen,
         *,
         vertices: int = VERTICES,
         seed: int = 1,
+        broken_by_touch: bool = True,
     ) -> None:
-        self.seed = seed
-        self.grasper = Grasper()
-        self.drawn = DrawnDuct(organ, vertices, seed)
-        self._taker = MeasureTaker(0.0)
-        self.run = Run(self._taker)
+        if specimen.organ is None:
+            raise ValueError("a session needs an organ, whose surface it draws")
+        self.seed, self._broken_by_touch = seed, broken_by_touch
         self._lock = RLock()
-        self._organ, self._vertices = organ, vertices
-        self._ghost: Ghost | None = None
-        self._chain: SwingingChain | None = None
-        self._tries: deque[Run] = deque(maxlen=MOST_TRIES)
-        self._task_grasp: float | None = None
-        self._goal: tuple[Exercise, GraspedBeam, tuple[float, float] | None] | None = None
-        self._start(BeamModel.of(Dissection.of(organ, preset or default_preset(organ)), Cubic()))
+        self._organ, self._vertices = specimen.organ, vertices
+        self.drawn = DrawnDuct(specimen.organ, vertices, seed)
+        self._tries: deque[RunFile] = deque(maxlen=MOST_TRIES)
+        self.tissue = self._tissue_of(specimen)
+        self.drawn.follow(self.tissue.dissection)
+        self._start_run()
+
+    @property
+    def specimen(self) -> Specimen:
+        """What is in hand."""
+        return self.tissue.specimen
+
+    @property
+    def planar(self) -> PlanarTissue:
+        """The duct in the plane of its pull; a `ValueError` if it is one in space."""
+        if not isinstance(self.tissue, PlanarTissue):
+            raise ValueError("this duct is a beam in space: no theory of the plane solves it")
+        return self.tissue
+
+    @property
+    def spatial(self) -> SpatialTissue:
+        """The duct in space, in its bed or free; a `ValueError` if it is one in a plane."""
+        if not isinstance(self.tissue, SpatialTissue):
+            raise ValueError("this duct is solved in the plane of its pull, not in space")
+        return self.tissue
 
     # What the trainee does.
 
-    def set_target_force(self, force: float) -> None:
-        """Pull with a force, N, reached over the next ticks."""
+    def choose_instrument(self, hand: int, instrument: Instrument) -> None:
+        """Give a hand another instrument; what it held it lets go."""
         with self._lock:
-            if self._accepts_slider(force):
-                if force > 0.0:
-                    self._begin_run()
-                target = _within(force, (0.0, self.duct.force_limit))
-                if self.grasper.set_target_force(target):
-                    self.run.note(HAND, "force", target)
+            exercise = None if self.run.over else self.bed_exercise
+            # An exercise that waits or goes on may allow only some.
+            if instrument in (INSTRUMENTS if exercise is None else exercise.instruments):
+                self._act(hand, "instrument", INSTRUMENTS.index(instrument))
 
-    def grab(self, station: float) -> float | None:
-        """Take the duct by hand at a station; return its deflection there, mm, or None if torn."""
+    def grab(self, hand: int, station: float) -> Vector | None:
+        """Take hold at a station, mm from the first clamp; return the place, or None."""
+        # None where a hand cannot hold: at a clamp, on the other hand's hook, once the duct is
+        # torn, and with an instrument that does not hold.
         with self._lock:
-            duct = self.duct
-            if not duct.accepts(station):
+            if self._act(hand, "grab", TUBE, station) is None:
                 return None
-            self._begin_run()
-            duct.grasp = _within(station, duct.grasp_range)
-            self.grasper.grab(max(0.0, duct.grasped.deflection_at(duct.grasp)))
-            self.run.note(HAND, "grab", TUBE, duct.grasp)
-            return self.grasper.deflection
+            return self.tissue.held_place(hand)
 
-    def move_hand(self, deflection: float) -> None:
-        """Move the hand that holds the duct, mm along the pull; the grasp follows.
+    def move_hand(self, hand: int, place: Sequence[float] | NDArray[np.float64]) -> None:
+        """Lead a hand's tip to a place, (3,) mm; in a plane its height above the clamps counts."""
+        x, y, z = map(float, place)
+        self._act(hand, "move", x, y, z)
+
+    def lift(self, deflection: float, hand: int = 0) -> None:
+        """Lead the hand that holds a duct in a plane to a deflection of the grasp, mm.
 
         A hook pulls and does not push: below zero the duct lies where it is at rest.
         """
-        with self._lock:
-            if self.duct.accepts(deflection):
-                target = _within(deflection, (0.0, self.duct.deflection_limit))
-                if self.grasper.move_hand(target):
-                    self.run.note(HAND, "lift", target)
+        self._act(hand, "lift", deflection)
 
-    def release(self) -> None:
-        """Let the duct spring back."""
-        with self._lock:
-            if self.duct.tear is None and self.grasper.release():
-                self.run.note(HAND, "release")
+    def release(self, hand: int = 0) -> None:
+        """Let go of the duct."""
+        self._act(hand, "release")
 
-    def set_grasp(self, grasp: float) -> None:
-        """Hold the duct elsewhere, mm from the first clamp; keep the force or the deflection."""
+    def open_jaws(self, hand: int, opening: float) -> None:
+        """Open or close a dissector, mm between its jaws; no other instrument opens."""
+        self._act(hand, "open", opening)
+
+    def set_target_force(self, force: float, hand: int = 0) -> None:
+        """Pull a duct in a plane with a force, N, reached over the next ticks."""
+        self._act(hand, "force", force)
+
+    def set_grasp(self, grasp: float, hand: int = 0) -> None:
+        """Hold a duct in a plane elsewhere, mm from the first clamp; keep force or deflection."""
         with self._lock:
-            if not self._accepts_slider(grasp):
-                return
-            if self.run.over:
-                self._task_grasp = None
-            if self._hold_at(_within(grasp, self.duct.grasp_range)):
-                self.run.note(HAND, "grasp", self.duct.grasp)
+            if self.run.over and self.tissue.torn is None:
+                self.planar.forget_task()
+            self._act(hand, "grasp", grasp)
 
     def set_threshold(self, threshold: float) -> None:
-        """Let the duct tear at another stress, MPa."""
-        with self._lock:
-            if self._accepts_slider(threshold):
-                duct, threshold = self.duct, _within(threshold, self.duct.threshold_range)
-                if threshold != duct.threshold:
-                    duct.threshold = threshold
-                    self.run.note(HAND, "threshold", threshold)
+        """Let the wall tear at another stress, MPa."""
+        self._act(0, "threshold", threshold)
 
     def reset(self) -> None:
-        """Release the duct and make it whole; the next pull starts a run without an exercise.
-
-        The grasp goes back to where the last exercise was started.
-        """
+        """Let go and make all whole; the next input starts a run without an exercise."""
         with self._lock:
-            torn = self.duct.tear is not None
-            self.duct.reset()
-            self.grasper.reset()
-            if torn:
-                self.drawn.show_whole()
-            if self._task_grasp is not None:
-                self._hold_at(self._task_grasp)
-                self._task_grasp = None
+            self.tissue.prepare(None)
             self._new_run()
+            self._draw()
+
+    def _act(self, hand: int, kind: InputKind, *values: float) -> Sequence[float] | None:
+        """Apply an input and log it as it has acted; return that, or None if it did nothing."""
+        with self._lock:
+            if kind in BY_SLIDER and self.run.hand_only:
+                return None
+            applied = self.tissue.apply(hand, kind, values, self._begin_run)
+            if applied is None:
+                return None
+            self.run.note(hand, applied[0], *applied[1])
+            return applied[1]
 
     # Time and readings.
 
     def advance(self, ticks: int = 1) -> bool:
         """Advance by some ticks and draw; return whether anything has moved or is going to."""
         with self._lock:
-            duct, changed = self.duct, False
+            tissue, changed = self.tissue, False
             for _ in range(ticks):
-                was_whole, grasp = duct.tear is None, duct.grasped.grasp
-                moved = duct.advance(self.grasper)
+                moved = tissue.advance()
                 changed |= moved
-                if was_whole:
-                    changed |= self._follow(moved, regrasped=duct.grasped.grasp != grasp)
+                if self.run.going:
+                    self._taker.take(moved=moved)
+                    self.run.end_tick(torn=tissue.torn is not None)
             if changed:
-                self.drawn.draw(duct.grasped.driven, duct.tear)
-                if self.ghost is not None:
-                    self.ghost.draw()
-            return changed or duct.moves_under(self.grasper)
+                self._draw()
+            return changed or tissue.moving
+
+    def _draw(self) -> None:
+        torn = self.tissue.torn
+        if torn is not None and not self.drawn.in_pieces:
+            self.drawn.show_pieces(torn)
+        elif torn is None and self.drawn.in_pieces:
+            self.drawn.show_whole()
+        self.tissue.draw(self.drawn)
 
     def reading(self) -> Reading:
         """Return what the instruments show now."""
         with self._lock:
-            return self.duct.reading(self.grasper)
+            return self.tissue.reading()
 
     def stress(self, out: NDArray[np.float32], surface: int = 0) -> NDArray[np.float32]:
-        """Write the stress along the organ, MPa, at each vertex of a surface."""
+        """Write the stress along the organ, MPa, at each vertex of a drawn surface."""
         with self._lock:
-            return self.drawn.write_stress(self.duct.grasped.pulled, self.duct.tear, out, surface)
+            return self.tissue.write_stress(self.drawn, out, surface)
+
+    def beam_touched_by(self, hand: int) -> tuple[BeamOnBed, Touch]:
+        """Return a copy of the beam in space, and what a hand does to it."""
+        with self._lock:
+            return copy.deepcopy(self.spatial.beam), self.spatial.touch(hand)
+
+    def touch(self, hand: int) -> Touch:
+        """Return what a hand does to the beam in space now."""
+        with self._lock:
+            return self.spatial.touch(hand)
+
+    # Comparisons beside a duct in a plane.
 
     def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return (count,) deflections, mm, and forces, N, past the break and past this pull."""
         # Fewer than `count` where the theory ends.
         with self._lock:
-            beam, deepest = self.duct.grasped, self.duct.deepest
+            beam, deepest = self.planar.grasped, self.planar.deepest
         return beam.curve(count, deepest=deepest)
-
-    # Comparisons beside the duct.
 
     @property
     def ghost(self) -> Ghost | None:
         """The other theory's duct, while this one is whole."""
-        return self._ghost if self.duct.tear is None else None
+        return self.planar.ghost
 
     @property
     def ghost_theory(self) -> Theory | None:
         """The theory that was chosen for the ghost, or None."""
-        return None if self._ghost is None else self._ghost.model.theory
+        return self.planar.ghost_theory
 
     @property
     def chain(self) -> SwingingChain | None:
         """The chain of masses and springs beside the duct, while this one is whole."""
-        return self._chain if self.duct.tear is None else None
+        return self.planar.chain
 
     def ghost_reading(self) -> GhostReading | None:
         """Return the ghost's reading; None without a ghost or an equilibrium of it."""
         with self._lock:
-            if self.ghost is None:
-                return None
-            deflection = self.duct.grasped.pulled.deflection
-            return self.ghost.reading(self.grasper.grip_force, deflection)
+            return self.planar.ghost_reading()
 
     def choose_ghost(self, theory: Theory | None) -> None:
         """Show a ghost by another theory under the same load, or none.
 
         A `ValueError` if the theory ends before the preset's break; then nothing changes.
         """
-        dissection = self.duct.dissection
+        dissection = self.planar.dissection
         model = None if theory is None else BeamModel.of(dissection, theory)
         with self._lock:
-            if model is not None and model.dissection is not self.duct.dissection:
-                model = BeamModel.of(self.duct.dissection, model.theory)
-            self._ghost = None if model is None else Ghost(model, self.drawn.skin)
-            self.duct.touch()
+            if model is not None and model.dissection is not self.planar.dissection:
+                model = BeamModel.of(self.planar.dissection, model.theory)
+            self.planar.show_ghost(model, self.drawn.skin)
 
     def show_chain(self, shown: bool) -> None:
         """Show or hide the mass-spring chain."""
         with self._lock:
-            if shown != (self._chain is not None):
-                self._chain = self._new_chain() if shown else None
-                self.duct.touch()
+            self.planar.show_chain(shown)
 
-    # Organ, preset and theory; each choice but the theory starts anew.
+    # What is in hand; each choice but a theory in the plane starts anew.
+
+    def choose(self, specimen: Specimen) -> None:
+        """Start anew with another specimen of the same organ."""
+        tissue = self._tissue_of(specimen)
+        with self._lock:
+            self._set(tissue)
 
     def presets_offered(self) -> list[Preset]:
         """Return the presets that fit this organ, with the user's own one in use."""
         shipped = [preset for preset in presets().values() if fits(self._organ, preset)]
-        own = self.duct.dissection.preset
+        own = self.tissue.dissection.preset
         return shipped if own.ships else [*shipped, own]
 
     def choose_preset(self, preset: Preset | str) -> None:
-        """Start anew with a preset, or a shipped one's name; a torn duct stays as it is."""
+        """Start anew with a preset, or a shipped one's name; a torn free duct stays as it is."""
         chosen = preset_named(preset) if isinstance(preset, str) else preset
-        model = BeamModel.of(Dissection.of(self._organ, chosen), self.duct.theory)
+        tissue = self._tissue_of(replace(self.specimen, preset=chosen, threshold_MPa=None))
         with self._lock:
-            if self.duct.tear is None:
-                self._start(model)
+            if self.tissue.torn is None or self.specimen.theory is None:
+                self._set(tissue)
+
+    def choose_bed(self, bed: BedPreset | str | None, seed: int = 1) -> None:
+        """Start anew in another bed, or as a free duct in space."""
+        chosen = bed_named(bed) if isinstance(bed, str) else bed
+        self.choose(
+            replace(self.specimen, bed=chosen, bed_seed=seed, theory=None, threshold_MPa=None)
+        )
 
     def prepare_organ(self, organ: Organ) -> Callable[[], None]:
         """Prepare another organ, solved by its own sections; return what starts anew with it."""
@@ -261,50 +336,57 @@ class Session:
         # this preset already takes the organ's own sections as drawn; else it is
         # `default_preset`'s.
         drawn = DrawnDuct(organ, self._vertices, self.seed)
-        preset = self.duct.dissection.preset
+        preset = self.tissue.dissection.preset
         if preset.beam != OrganBeam():  # a bar, or a wall and clamps of the organ before
             preset = default_preset(organ)
-        dissection = Dissection.of(organ, preset)
-        model = BeamModel.of(dissection, self.duct.theory)
+        specimen = replace(self.specimen, organ=organ, preset=preset, threshold_MPa=None)
+        tissue = self._tissue_of(specimen)
 
         def start() -> None:
             with self._lock:
                 drawn.shape = self.drawn.shape
                 self._organ, self.drawn = organ, drawn
                 # The theory may have been changed meanwhile.
-                theory = self.duct.theory
-                self._start(model if model.theory == theory else BeamModel.of(dissection, theory))
+                theory = self.specimen.theory
+                self._set(
+                    tissue
+                    if theory == specimen.theory
+                    else self._tissue_of(replace(specimen, theory=theory))
+                )
                 self._tries.clear()
 
         return start
 
     def choose_theory(self, theory: Theory) -> None:
-        """Solve the duct by another theory, with that theory's own threshold.
+        """Solve a duct in a plane by another theory, with that theory's own threshold.
 
         A `ValueError` if the theory ends before the preset's break; then nothing changes.
         """
         # Outside the lock: a theory's first solution may have to be compiled.
-        model = BeamModel.of(self.duct.dissection, theory)
+        model = BeamModel.of(self.planar.dissection, theory)
         with self._lock:
-            if model.dissection is not self.duct.dissection:  # another was chosen meanwhile
-                model = BeamModel.of(self.duct.dissection, theory)
-            if self.duct.tear is None:
-                self.duct.solve_by(model, self.grasper)
+            duct = self.planar
+            if model.dissection is not duct.dissection:  # another was chosen meanwhile
+                model = BeamModel.of(duct.dissection, theory)
+            if duct.tear is None:
+                duct.solve_by(model)
                 if self.run.started:
-                    self.run.note(HAND, "theory", theory)
+                    self.run.note(0, "theory", theory)
                 else:
                     self._new_run(self.run.exercise, self.run.feedback, self.run.exercise_inputs)
 
     # Exercises and runs.
 
     @property
-    def task_grasp(self) -> float:
-        """Grasp that exercises are scaled for, mm from the first clamp.
+    def bed_exercise(self) -> BedExercise | None:
+        """The exercise of the present run, if it is one of freeing a stretch."""
+        found = self.run.exercise
+        return found if isinstance(found, BedExercise) else None
 
-        An exercise that was started keeps its own, wherever the hand takes hold, until the duct is
-        reset or, once the exercise is over, another grasp is set.
-        """
-        return self.duct.grasp if self._task_grasp is None else self._task_grasp
+    @property
+    def task_grasp(self) -> float:
+        """Grasp that exercises of a duct in a plane are scaled for, mm from the first clamp."""
+        return self.planar.task_grasp
 
     @property
     def goal(self) -> tuple[float, float] | None:
@@ -313,17 +395,18 @@ class Session:
         None without an exercise that waits or goes on, and for one that has no such goal.
         """
         with self._lock:
-            run, beam = self.run, self.duct.grasped
-            if run.exercise is None or run.over:
-                return None
-            if self._goal is None or self._goal[:2] != (run.exercise, beam):
-                self._goal = run.exercise, beam, goal_band(run.exercise, beam)
-            return self._goal[2]
+            run = self.run
+            return None if run.exercise is None or run.over else self.planar.goal_of(run.exercise)
 
     def exercises_offered(self) -> tuple[Exercise, ...]:
-        """Return the exercises for this duct, with `task_grasp` and the present threshold."""
+        """Return the exercises for this specimen: a second's work the first time in a bed."""
+        specimen, tissue = self.specimen, self.tissue
+        if specimen.bed is not None:
+            return bed_exercises(replace(specimen, threshold_MPa=tissue.threshold))
+        if specimen.theory is None:
+            return ()
         with self._lock:
-            beam = GraspedBeam(self.duct.model, self.task_grasp, self.duct.threshold)
+            beam = self.planar.task_beam()
         return exercises_for(beam)
 
     def start_exercise(
@@ -333,135 +416,168 @@ class Session:
         grasp: float | None = None,
         inputs: ExerciseInputs = "hand",
     ) -> None:
-        """Start anew with an exercise, at `task_grasp` if no grasp is given.
+        """Start anew with an exercise, in its bed, or at `task_grasp` if no grasp is given.
 
-        Its time runs from the first pull. With inputs "hand", a force, another grasp or another
+        Its time runs from the first input. With inputs "hand", a force, another grasp or another
         threshold is ignored until it is over.
         """
         with self._lock:
+            self._take_bed_of(exercise)
             self.reset()
             if grasp is not None:
                 self.set_grasp(grasp)
+            self.tissue.prepare(exercise)
             self._new_run(exercise, feedback, inputs)
-            self._task_grasp = self.duct.grasp
+            self._draw()
+
+    def _take_bed_of(self, exercise: Exercise) -> None:
+        """Put the duct into an exercise's bed, if it is in another."""
+        specimen = self.specimen
+        if isinstance(exercise, BedExercise):
+            bed = bed_named(exercise.bed) if isinstance(exercise.bed, str) else exercise.bed
+            if (specimen.bed, specimen.bed_seed) != (bed, exercise.bed_seed):
+                threshold = self.tissue.threshold if specimen.theory is None else None
+                self.choose(
+                    replace(
+                        specimen,
+                        bed=bed,
+                        bed_seed=exercise.bed_seed,
+                        theory=None,
+                        threshold_MPa=threshold,
+                    )
+                )
+        elif specimen.theory is None:
+            raise ValueError(f"{exercise.title} is done on a duct in a plane, without a bed")
 
     def finish(self) -> None:
         """End the run as it stands; the duct stays as it is."""
         with self._lock:
             self.run.finish()
 
-    def measures(self) -> Measures:
-        """Return the measures of this run so far."""
+    def metrics(self) -> Metrics:
+        """Return the measures of this run so far, by key; in space a `ValueError` before it."""
         with self._lock:
-            return self._taker.measures()
+            return self.run.metrics()
 
     def run_file(self) -> RunFile:
         """Return this run so far, to keep, download and replay."""
         with self._lock:
-            return self._file(self.run)
+            return self.run.file(OrganIdentity.of(self._organ), self.seed)
 
     def earlier_tries(self, run: RunFile) -> list[RunFile]:
         """Return the earlier judged runs of the same exercise and start, oldest first."""
         with self._lock:
-            tries = [self._file(each) for each in self._tries if each.exercise == run.log.exercise]
-        return [each for each in tries if each.log.start == run.log.start and each != run]
-
-    def _start(self, model: BeamModel) -> None:
-        self._task_grasp = None
-        self.duct = Duct(model)
-        self.grasper.reset()
-        self.drawn.follow(model.dissection)
-        if self._ghost is not None:
-            theory, self._ghost = self._ghost.model.theory, None
-            # A theory that ends before this duct's break has no ghost of it.
-            with contextlib.suppress(NoEquilibrium):
-                self._ghost = Ghost(BeamModel.of(model.dissection, theory), self.drawn.skin)
-        if self._chain is not None:
-            self._chain = self._new_chain()
-        self._new_run()
-
-    @property
-    def torn(self) -> bool:
-        """Whether the duct tears or is torn."""
-        return self.duct.tear is not None
+            tries = list(self._tries)
+        task = run.log.exercise, run.log.start
+        return [
+            each for each in tries if (each.log.exercise, each.log.start) == task and each != run
+        ]
 
     # Replays.
 
     @classmethod
-    def of_log(cls, log: RunLog, organ: Organ, vertices: int) -> Self:
+    def of_log(cls, log: RunLog, organ: Organ, vertices: int = VERTICES) -> Self:
         """Return a session for a run; a `RunFileError` where it cannot be replayed here."""
         log.organ.check(organ)
-        preset = log.start.preset
+        start = log.start
         try:
-            if isinstance(preset, str):
-                preset = preset_named(preset)
-            return cls(organ, preset, vertices=vertices, seed=log.seed)
+            theory = None if start.theory is None else start.theory.theory()
         except ValueError as error:
-            raise RunFileError(f"the run's preset: {error}") from None
+            raise RunFileError(f"the run's theory: {error}") from None
+        preset, bed = start.preset, start.bed
+        try:
+            preset = preset_named(preset) if isinstance(preset, str) else preset
+            if theory is None:
+                preset = msgspec.structs.replace(preset, law=start.law, stiffening=start.stiffening)
+            specimen = Specimen(
+                preset,
+                organ,
+                bed_named(bed) if isinstance(bed, str) else bed,
+                bed_seed=1 if start.bed_seed is None else start.bed_seed,
+                theory=theory,
+                threshold_MPa=start.threshold_MPa if theory is None else None,
+            )
+            session = cls(
+                specimen,
+                vertices=vertices,
+                seed=log.seed,
+                broken_by_touch=start.broken_by_touch,
+            )
+        except ValueError as error:
+            raise RunFileError(f"the run's preset, bed or theory: {error}") from None
+        if bed is not None:
+            if strands_digest(session.spatial.beam.strands) != start.strands_sha256:
+                raise RunFileError(
+                    f"seed {start.bed_seed} gives other strands here than where the run was made"
+                )
+            asked = log.exercise
+            if isinstance(asked, BedExercise) and (asked.bed, asked.bed_seed) != (
+                bed,
+                start.bed_seed,
+            ):
+                raise RunFileError("the run's exercise is of another bed than the run")
+        return session
 
     def restart(self, log: RunLog) -> None:
         """Go to where a run starts."""
         start = log.start
         self.reset()
-        try:
-            theory = Cubic() if start.theory is None else start.theory.theory()
-            if self.duct.theory != theory:
-                self.choose_theory(theory)
-        except ValueError as error:
-            raise RunFileError(f"the run's theory: {error}") from None
-        grasp = self.duct.grasp if start.grasp_mm is None else start.grasp_mm
-        self.set_grasp(grasp)
+        theory = self.specimen.theory if start.theory is None else start.theory.theory()
+        if theory is not None and self.specimen.theory != theory:
+            self.choose_theory(theory)
+        if start.grasp_mm is not None:
+            self.set_grasp(start.grasp_mm)
+            if self.planar.grasp != start.grasp_mm:
+                raise RunFileError(
+                    f"the run's grasp of {start.grasp_mm:g} mm is out of this duct's range"
+                )
         self.set_threshold(start.threshold_MPa)
-        if (self.duct.grasp, self.duct.threshold) != (grasp, start.threshold_MPa):
+        if self.tissue.threshold != start.threshold_MPa:
             raise RunFileError(
-                f"the run's grasp of {grasp:g} mm or threshold of {start.threshold_MPa:g} MPa is "
-                "out of this duct's range"
+                f"the run's threshold of {start.threshold_MPa:g} MPa is out of this duct's range"
             )
         if log.exercise is not None:
             self.start_exercise(log.exercise, log.feedback, inputs=log.exercise_inputs)
+        if start.tips_mm is not None:
+            self.spatial.put_hands(start.tips_mm)
         self.advance()  # settle first: the run starts from a duct at rest, already drawn
 
     def apply(self, each: Input) -> None:
-        """Apply an input; one that a free duct does not take is ignored."""
+        """Apply a logged input; one that this tissue does not take is ignored."""
         value = each.value
-        if each.kind == "release":
-            self.release()
-        elif isinstance(value, TheoryChoice):
-            self.choose_theory(value.theory())
+        if isinstance(value, TheoryChoice):
+            if self.specimen.theory is not None:
+                self.choose_theory(value.theory())
+        elif isinstance(value, str):
+            self.choose_instrument(each.hand, value)  # pyright: ignore[reportArgumentType]
         elif isinstance(value, tuple):
-            if each.kind == "grab":
-                self.grab(value[1])
-        elif isinstance(value, float | int):
-            action = {
-                "force": self.set_target_force,
-                "lift": self.move_hand,
-                "grasp": self.set_grasp,
-                "threshold": self.set_threshold,
-            }.get(each.kind)
-            if action is not None:
-                action(value)
+            self._act(each.hand, each.kind, *value)
+        elif value is None:
+            self._act(each.hand, each.kind)
+        elif each.kind == "grasp" and self.specimen.theory is not None:
+            self.set_grasp(value, each.hand)
+        else:
+            self._act(each.hand, each.kind, value)
 
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the figures of `row`."""
-        return (
-            "force_N", "deflection_mm", "stress_MPa", "distance_to_break",
-            "hook_x_mm", "hook_y_mm", "hook_z_mm", "held", "torn",
-        )  # fmt: skip
+    # Inside.
 
-    def row(self) -> tuple[float, ...]:
-        """Return what the instruments show now."""
-        reading = self.reading()
-        check = reading.check
-        return (
-            reading.force,
-            reading.deflection,
-            check.total_stress,
-            check.distance_to_break,
-            *reading.hook,
-            int(reading.held),
-            int(self.torn),
-        )
+    def _tissue_of(self, specimen: Specimen) -> Tissue:
+        if specimen.theory is None:
+            return SpatialTissue(specimen, broken_by_touch=self._broken_by_touch)
+        return PlanarTissue(specimen)
+
+    def _set(self, tissue: Tissue) -> None:
+        """Start anew with a tissue; a ghost and a chain beside the one before go on beside it."""
+        before, self.tissue = self.tissue, tissue
+        self.drawn.follow(tissue.dissection)
+        if isinstance(before, PlanarTissue) and isinstance(tissue, PlanarTissue):
+            theory = before.ghost_theory
+            if theory is not None:
+                # A theory that ends before this duct's break has no ghost of it.
+                with contextlib.suppress(NoEquilibrium):
+                    tissue.show_ghost(BeamModel.of(tissue.dissection, theory), self.drawn.skin)
+            tissue.show_chain(before.has_chain)
+        self._new_run()
 
     def _new_run(
         self,
@@ -469,84 +585,28 @@ class Session:
         feedback: Feedback = Feedback.CONTINUOUS,
         inputs: ExerciseInputs = "any",
     ) -> None:
-        task_threshold = TASK_THRESHOLD * self.duct.model.break_force
-        if exercise is not None:
-            task_threshold = exercise.limits.get("maximum_force_N", task_threshold)
         if self.run.started:
             self.run.finish()
             if self.run.outcome is not None:
-                self._tries.append(self.run)
-        taker = MeasureTaker(task_threshold, exercise and exercise.band)
-        trial = None if exercise is None else trial_of(exercise, taker)
-        self._taker, self.run = taker, Run(taker, exercise, feedback, inputs, trial)
+                self._tries.append(self.run.file(OrganIdentity.of(self._organ), self.seed))
+        self._start_run(exercise, feedback, inputs)
 
-    def _new_chain(self) -> SwingingChain:
-        beam = self.duct.grasped
-        chain = SwingingChain(self.duct.dissection.beam, beam.grasp)
-        chain.start_from(beam.pulled.deflection)
-        return chain
+    def _start_run(
+        self,
+        exercise: Exercise | None = None,
+        feedback: Feedback = Feedback.CONTINUOUS,
+        inputs: ExerciseInputs = "any",
+    ) -> None:
+        self._taker, trial = self.tissue.judged(exercise)
+        self.run = Run(self._taker, exercise, feedback, inputs, trial)
 
-    def _accepts_slider(self, value: float) -> bool:
-        """Return whether a slider's or key's value counts now; some exercises want the hand."""
-        return not self.run.hand_only and self.duct.accepts(value)
-
-    def _hold_at(self, grasp: float) -> bool:
-        """Move the grasp to a place, mm; return whether it is another."""
-        if grasp == self.duct.grasp:
-            return False
-        self.duct.grasp = grasp
-        self.grasper.regrasp(self.duct.grasped.deflection_at(grasp))
-        return True
-
-    def _begin_run(self) -> None:
-        """Start the run with the first pull, on a beam that has solved nothing before."""
+    def _begin_run(self) -> bool:
+        """Start the run with the first input, on a tissue that nothing has touched before."""
         if self.run.started or self.run.over:
-            return
-        duct = self.duct
-        preset, theory = duct.dissection.preset, duct.theory
-        grasp, threshold = duct.grasp, duct.threshold
-        self.run.start(
-            lambda: RunStart(
-                preset.name if preset.ships else preset,
-                threshold,
-                theory=TheoryChoice.of(theory),
-                grasp_mm=grasp,
-            )
-        )
-        duct.renew()
-
-    def _follow(self, moved: bool, *, regrasped: bool) -> bool:
-        """Let the run, the ghost and the chain of a whole duct follow a tick."""
-        duct, grasper, changed = self.duct, self.grasper, False
-        beam, tear = duct.grasped, duct.tear
-        if self._ghost is not None and moved:
-            self._ghost.follow(beam.grasp, grasper.load)
-        if self._chain is not None:
-            if self._chain.grasp != beam.grasp:
-                self._chain = self._new_chain()
-            free = grasper.mode == "free"
-            changed = self._chain.advance(Load("force", 0.0) if free else grasper.load)
-        if regrasped:
-            self._taker.regrasp()
-        if self.run.going:
-            self._taker.take(
-                grasper.grip_force if tear is None else tear.event.force,
-                beam.hook(),
-                beam.check.distance_to_break,
-                held=grasper.holds,
-                deflection=beam.pulled.deflection,
-                came_from=duct.came_from,
-            )
-            if tear is not None:
-                self._taker.tear(tear.event)
-            self.run.end_tick(torn=tear is not None)
-        if tear is not None:
-            self.drawn.show_pieces(tear.event.check)
-        return changed
-
-    def _file(self, run: Run) -> RunFile:
-        return run.file(OrganIdentity.of(self._organ), self.seed)
-
-
-def _within(value: float, ends: tuple[float, float]) -> float:
-    return min(max(float(value), ends[0]), ends[1])
+            return False
+        under_way = self.tissue.renew()
+        self.run.start(self.tissue.start())
+        self._taker.start()
+        for hand, (kind, values) in under_way:
+            self.run.note(hand, kind, *values)
+        return True

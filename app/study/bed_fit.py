@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.bed import BedPreset
+from app.simulation import BedPreset
 from app.study.beds import lift
 from app.study.fit import BOUND, Estimate, MeasuredPull, in_streaks, student
 from physics.bed import SpaceBeam

@@ -3,8 +3,7 @@
 import msgspec
 import numpy as np
 
-from app.simulation import ASSUMED_PRESET, THESIS_PRESET, Preset, Specimen
-from app.simulation.bed import BedPreset, bed_named
+from app.simulation import ASSUMED_PRESET, THESIS_PRESET, BedPreset, Preset, Specimen, bed_named
 from app.study.ducts import (
     Block,
     Outputs,

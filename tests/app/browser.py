@@ -451,8 +451,8 @@ def _newest(trainer: Trainer, kind: type[ViewT]) -> ViewT:
 
 
 def stands_still(session: Session) -> bool:
-    """Whether nothing of a pull moves any more, or is going to."""
-    return not session.duct.moves_under(session.grasper)
+    """Whether nothing moves any more, or is going to."""
+    return not session.tissue.moving
 
 
 def pass_ticks(tab: TrainerPage, trainer: Trainer, count: int = 2) -> None:

@@ -5,12 +5,11 @@ from functools import cache
 
 import msgspec
 import numpy as np
-from simulated import phantom
+from simulated import bed_session, phantom
 
 from app.classroom.exercise_file import SetExercise, read_exercise, template
 from app.classroom.store import RunRecord, now
 from app.simulation import run_json
-from app.simulation.bed import BedSession
 
 
 @cache
@@ -22,9 +21,9 @@ def asked() -> SetExercise:
 @cache
 def dissection() -> tuple[bytes, str]:
     """A short dissection's file and measures."""
-    session = BedSession(phantom(), vertices=300)
+    session = bed_session(phantom(), vertices=300)
     session.grab(0, 25.4)
-    session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 0.0, 4.0]))
+    session.move_hand(0, session.spatial.hands[0].place + np.array([0.0, 0.0, 4.0]))
     session.advance(20)
     file = session.run_file()
     return run_json(file), msgspec.json.encode(file.metrics).decode()

@@ -5,10 +5,9 @@ import sys
 import numpy as np
 import viser
 from numba.core.dispatcher import Dispatcher
-from simulated import phantom, settle, tear
+from simulated import bed_session, phantom, pull_session, settle, tear
 
 from app.simulation import INSTRUMENTS, Session
-from app.simulation.bed import BedSession
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.appearance import appearance_of
@@ -34,7 +33,7 @@ def signatures() -> dict[str, set[str]]:
 
 def draw(scene: viser.SceneApi, session: Session) -> None:
     """Draw a session's surfaces as tissue and as stress."""
-    dissection = session.duct.dissection
+    dissection = session.tissue.dissection
     organ, radius = dissection.organ, dissection.organ.mean_radius
     for index, surface in enumerate(session.drawn.surfaces):
         skin = surface.skin
@@ -54,15 +53,15 @@ def train(scene: viser.SceneApi, session: Session) -> None:
     """Do what a trainee can."""
     session.show_chain(True)
     session.exercises_offered()
-    session.grab(20.0)
-    session.move_hand(0.2 * session.duct.deflection_limit)
+    session.grab(0, 20.0)
+    session.lift(0.2 * session.planar.deflection_limit)
     settle(session)
     draw(scene, session)
     session.release()
     settle(session)
     session.set_grasp(12.0)
-    session.set_threshold(0.9 * session.duct.threshold)
-    session.set_target_force(0.3 * session.duct.force_limit)
+    session.set_threshold(0.9 * session.tissue.threshold)
+    session.set_target_force(0.3 * session.planar.force_limit)
     settle(session)
     session.reading()
     session.ghost_reading()
@@ -71,19 +70,19 @@ def train(scene: viser.SceneApi, session: Session) -> None:
     draw(scene, session)
 
 
-def dissect(session: BedSession) -> None:
+def dissect(session: Session) -> None:
     """Do what a trainee can with a duct in its bed, until it is torn."""
     for instrument in INSTRUMENTS:
         session.choose_instrument(1, instrument)
         session.grab(1, 12.0)
         session.open_jaws(1, 3.0)
-        session.move_hand(1, session.duct.hands[1].place + np.array([0.0, 2.0, 0.5]))
+        session.move_hand(1, session.spatial.hands[1].place + np.array([0.0, 2.0, 0.5]))
         session.advance(5)
         session.release(1)
     session.choose_bed("firm", 2)
     session.grab(0, 25.0)
-    while session.duct.torn is None:
-        session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 0.5, 5.0]))
+    while session.spatial.torn is None:
+        session.move_hand(0, session.spatial.hands[0].place + np.array([0.0, 0.5, 5.0]))
         session.advance()
         session.reading()
     session.advance(30)
@@ -104,15 +103,15 @@ def main() -> None:
     organ = phantom()
     warm_session(organ)
     before = signatures()
-    session = Session(organ)
+    session = pull_session(organ)
     train(server.scene, session)
     report(before, "before the other theories")
     WarmUp(organ, None, "full").done.wait()
     before = signatures()
-    dissect(BedSession(organ))
+    dissect(bed_session(organ))
     report(before, "in a bed")
     for theory in OFFERED_THEORIES.values():
-        session = Session(organ)
+        session = pull_session(organ)
         session.choose_theory(theory)
         session.choose_ghost(Exact())
         train(server.scene, session)

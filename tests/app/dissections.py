@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import viser
 from browser import close_browser, new_context, running_browser
-from simulated import phantom
+from simulated import bed_exercises, bed_session, phantom
 
-from app.simulation.bed import BedManner, BedSession, script
+from app.simulation import BedManner, Session, script
 from app.trainer.scene.bed_scene import BedScene, Colours
 from app.trainer.stage.lighting import Look
 
@@ -24,9 +24,9 @@ PICTURE_ONLY = """new MutationObserver(() => {
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def lead(session: BedSession, hand: int, way: np.ndarray, seconds: float) -> None:
+def lead(session: Session, hand: int, way: np.ndarray, seconds: float) -> None:
     """Lead a hand along a way, mm, at an even speed."""
-    start, ticks = session.duct.hands[hand].place.copy(), max(1, round(30 * seconds))
+    start, ticks = session.spatial.hands[hand].place.copy(), max(1, round(30 * seconds))
     for tick in range(1, ticks + 1):
         session.move_hand(hand, start + np.asarray(way, float) * tick / ticks)
         session.advance()
@@ -34,28 +34,28 @@ def lead(session: BedSession, hand: int, way: np.ndarray, seconds: float) -> Non
         session.advance()
 
 
-def rest(session: BedSession) -> None:
+def rest(session: Session) -> None:
     """As it lies."""
 
 
-def lifted(session: BedSession) -> None:
+def lifted(session: Session) -> None:
     """A hook in the middle, half way to the break: strands are taut, some have parted."""
     session.grab(0, 25.4)
     lead(session, 0, 6.0 * UP, 1.0)
 
 
-def half_freed(session: BedSession) -> None:
+def half_freed(session: Session) -> None:
     """The middle third has come free."""
     session.grab(0, 25.4)
     lead(session, 0, 10.0 * UP, 1.5)
 
 
-def spread(session: BedSession) -> None:
+def spread(session: Session) -> None:
     """A dissector behind the duct, opened; the second hand's grasper holds the duct up."""
     session.grab(1, 17.0)
     lead(session, 1, 3.0 * UP, 0.5)
     session.choose_instrument(0, "dissector")
-    session.move_hand(0, session.duct.hands[0].place + np.array([4.0, 0.0, 0.0]))
+    session.move_hand(0, session.spatial.hands[0].place + np.array([4.0, 0.0, 0.0]))
     for _ in range(20):
         session.advance()
     lead(session, 0, np.array([0.0, 24.0, 0.0]), 1.5)
@@ -64,15 +64,15 @@ def spread(session: BedSession) -> None:
         session.advance()
 
 
-def swept(session: BedSession) -> None:
+def swept(session: Session) -> None:
     """A swab sweeps along the near flank."""
     session.choose_instrument(0, "swab")
-    place = session.duct.hands[0].place
+    place = session.spatial.hands[0].place
     lead(session, 0, np.array([20.0, -6.5, -5.0]) - place, 1.0)
     lead(session, 0, np.array([14.0, 0.0, 0.0]), 1.0)
 
 
-def torn(session: BedSession) -> None:
+def torn(session: Session) -> None:
     """Pulled off in the middle of an inflamed bed."""
     session.choose_bed("inflamed")
     session.grab(0, 25.4)
@@ -81,16 +81,16 @@ def torn(session: BedSession) -> None:
         session.advance()
 
 
-def followed(session: BedSession) -> None:
+def followed(session: Session) -> None:
     """The end of a divided duct, lifted at the front."""
     session.choose_bed("firm")
-    exercise = next(e for e in session.exercises_offered() if e.name == "follow_front")
+    exercise = next(e for e in bed_exercises(session) if e.name == "follow_front")
     session.start_exercise(exercise)
-    for _ in zip(range(240), script(session, session.duct, exercise, BedManner()), strict=False):
+    for _ in zip(range(240), script(session, session.spatial, exercise, BedManner()), strict=False):
         session.advance()
 
 
-STATES: dict[str, tuple[Callable[[BedSession], None], Colours]] = {
+STATES: dict[str, tuple[Callable[[Session], None], Colours]] = {
     "rest": (rest, "tissue"),
     "lifted": (lifted, "tissue"),
     "half_freed": (half_freed, "tissue"),
@@ -119,7 +119,7 @@ def main(folder: Path, names: list[str], look: Look = "full") -> None:
             page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
             while not connected:
                 page.wait_for_timeout(100)
-            session = BedSession(phantom())
+            session = bed_session(phantom())
             scene = BedScene(connected[0], session, look)
             for name in names or list(STATES):
                 act, colours = STATES[name]

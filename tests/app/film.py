@@ -31,7 +31,7 @@ def frames(tab: TrainerPage, state: DissectState) -> Iterator[Image.Image]:
         return taken()
 
     def taken() -> Image.Image:
-        tab.wait_until(lambda: all(hand.arrived for hand in session.duct.hands))
+        tab.wait_until(lambda: all(hand.arrived for hand in session.spatial.hands))
         tab.page.wait_for_timeout(150)
         whole = Image.open(io.BytesIO(tab.page.screenshot())).convert("RGB").crop(SCENE)
         return whole.resize((WIDTH, WIDTH * whole.height // whole.width), Image.Resampling.LANCZOS)
@@ -41,7 +41,7 @@ def frames(tab: TrainerPage, state: DissectState) -> Iterator[Image.Image]:
     for lift in np.linspace(0.0, 7.0, 24):
         yield shown(place + np.array([0.0, 0.0, lift]), 0)
     state.choose_instrument(1, "dissector")
-    behind = session.duct.hands[1].place[2]
+    behind = session.spatial.hands[1].place[2]
     for across in np.linspace(14.0, 4.0, 8):
         yield shown(np.array([32.0, across, behind]), 1)
     for jaws in np.linspace(0.0, 9.0, 12):

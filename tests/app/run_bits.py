@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 from any_code import any_code
 from msgspec.structs import replace
-from simulated import phantom
+from simulated import bed_session, phantom
 from tubes import tube
 
-from app.simulation import Replay, Session, preset_named, read_run, run_json
-from app.simulation.bed import BedSession
+from app.simulation import Replay, preset_named, read_run, run_json
 from physics.bed.space_beam import axis_line
 
 RUNS = Path(__file__).parent / "runs"
@@ -31,12 +30,12 @@ def digests() -> list[str]:
     )
     found.append(_bytes(wall.area, wall.second_moment, bent.up_at(bent.stations)))
     pull = read_run((RUNS / "version_1_hold.json").read_bytes())
-    found.append(run_json(Replay(Session, pull.log, phantom(), vertices=300).run_file()))
+    found.append(run_json(Replay(pull.log, phantom(), vertices=300).run_file()))
     torn = read_run((RUNS / "version_3_torn.json").read_bytes())
-    found.append(run_json(Replay(BedSession, torn.log, phantom(), vertices=300).run_file()))
+    found.append(run_json(Replay(torn.log, phantom(), vertices=300).run_file()))
     duct = preset_named("porcine-bile-duct")
     for preset in (duct, replace(duct, law="exponential", stiffening=6.0)):
-        session = BedSession(phantom(), preset, bed_seed=3, vertices=300)
+        session = bed_session(phantom(), preset, bed_seed=3, vertices=300)
         start = session.grab(0, 20.0)
         assert start is not None
         for tick in range(12):

@@ -14,10 +14,9 @@ from browser import (
     trainer_page,
 )
 from playwright.sync_api import Browser, expect
-from simulated import phantom
+from simulated import bed_exercises, phantom
 
-from app.simulation import Feedback
-from app.simulation.bed import MANNERS, script
+from app.simulation import MANNERS, Feedback, script
 from app.trainer.server.trainer import Trainer
 
 WIDE, PHONE = (1440, 900), (390, 844)
@@ -52,10 +51,10 @@ def take_result(trainer: Trainer, browser: Browser, folder: Path) -> None:
         close_hint(tab)  # the result will lie over it
         state = newest_dissection(trainer).state
         session = state.session
-        state.start_exercise(session.exercises_offered()[0], Feedback.CONTINUOUS)
-        exercise = session.exercise
+        state.start_exercise(bed_exercises(session)[0], Feedback.CONTINUOUS)
+        exercise = session.bed_exercise
         assert exercise is not None
-        for _ in script(session, session.duct, exercise, MANNERS[exercise.name]["good"]):
+        for _ in script(session, session.spatial, exercise, MANNERS[exercise.name]["good"]):
             session.advance()
             if session.run.over:
                 break
@@ -74,11 +73,11 @@ def take_dissection(trainer: Trainer, browser: Browser, folder: Path, *, phone: 
         assert place is not None
         session.move_hand(0, place + np.array([0.0, 0.0, 7.0]))
         state.choose_instrument(1, "dissector")
-        behind = session.duct.hands[1].place
+        behind = session.spatial.hands[1].place
         session.move_hand(1, np.array([32.0, 4.0, behind[2]]))
-        tab.wait_until(lambda: session.duct.hands[1].arrived)
+        tab.wait_until(lambda: session.spatial.hands[1].arrived)
         session.open_jaws(1, 8.0)
-        tab.wait_until(lambda: all(hand.arrived for hand in session.duct.hands))
+        tab.wait_until(lambda: all(hand.arrived for hand in session.spatial.hands))
         take(tab, folder / f"trainer-dissect{'-phone' if phone else ''}.jpg")
         if not phone:
             tab.press("Freed")

@@ -3,7 +3,19 @@
 from functools import cache
 
 from app.command_line.load import shipped_organ
-from app.simulation import TICKS_PER_SECOND, Phase, Replay, RunFile, Session
+from app.simulation import (
+    TICKS_PER_SECOND,
+    VERTICES,
+    BedExercise,
+    BedPreset,
+    Phase,
+    Preset,
+    Replay,
+    RunFile,
+    Session,
+    free_specimen,
+    specimen_in_bed,
+)
 from organ_geometry.organ import Organ
 
 
@@ -13,9 +25,35 @@ def phantom() -> Organ:
     return shipped_organ()
 
 
+def pull_session(
+    organ: Organ, preset: Preset | None = None, *, vertices: int = VERTICES, seed: int = 1
+) -> Session:
+    """A session of a free duct in the plane of its pull."""
+    return Session(free_specimen(organ, preset), vertices=vertices, seed=seed)
+
+
+def bed_session(
+    organ: Organ,
+    preset: Preset | None = None,
+    bed: BedPreset | None = None,
+    *,
+    bed_seed: int = 1,
+    vertices: int = VERTICES,
+    seed: int = 1,
+) -> Session:
+    """A session of a duct in a bed."""
+    specimen = specimen_in_bed(organ, preset, bed, bed_seed=bed_seed)
+    return Session(specimen, vertices=vertices, seed=seed)
+
+
+def bed_exercises(session: Session) -> list[BedExercise]:
+    """The exercises of a duct in a bed."""
+    return [each for each in session.exercises_offered() if isinstance(each, BedExercise)]
+
+
 def replayed(run: RunFile, organ: Organ) -> RunFile:
     """Return a run as it comes out when it is made again."""
-    return Replay(Session, run.log, organ, vertices=300).run_file()
+    return Replay(run.log, organ, vertices=300).run_file()
 
 
 def settle(session: Session, *, most_seconds: float = 30.0) -> None:
@@ -34,5 +72,5 @@ def pull(session: Session, force: float) -> None:
 
 def tear(session: Session) -> None:
     """Pull until the duct is in two pieces and at rest."""
-    pull(session, session.duct.force_limit)
+    pull(session, session.planar.force_limit)
     assert session.reading().phase is Phase.TORN

@@ -23,7 +23,7 @@ from app.anatomy import (
 from app.anatomy.anatomy_geometry import joined_station
 from app.anatomy.frequencies import Share, Size, Tied, case_of, frequencies
 from app.anatomy.tube_kinds import kind_of_name
-from app.simulation.bed import bed_presets
+from app.simulation import bed_presets
 
 SHIPPED = shipped_anatomies()
 NORMAL = SHIPPED["normal"].read_text()

@@ -2,10 +2,20 @@
 
 import msgspec
 import pytest
-from simulated import phantom
+from simulated import bed_exercises, bed_session, phantom
 
-from app.simulation import BedExercise, Replay, preset_named, read_run, run_json
-from app.simulation.bed import MANNERS, BedManner, BedSession, bed_named, script
+from app.simulation import (
+    MANNERS,
+    BedExercise,
+    BedManner,
+    Replay,
+    Session,
+    bed_named,
+    preset_named,
+    read_run,
+    run_json,
+    script,
+)
 
 WHY = {
     ("window", "hasty"): "the duct was lifted, which the dissector behind it does not need",
@@ -18,21 +28,21 @@ WHY = {
 }
 
 
-def session_in(bed: str, seed: int) -> BedSession:
+def session_in(bed: str, seed: int) -> Session:
     """A session on the shipped duct."""
-    return BedSession(phantom(), bed=bed_named(bed), bed_seed=seed, vertices=300)
+    return bed_session(phantom(), bed=bed_named(bed), bed_seed=seed, vertices=300)
 
 
-def offered(session: BedSession) -> dict[str, BedExercise]:
+def offered(session: Session) -> dict[str, BedExercise]:
     """The exercises of a session, by name."""
-    return {each.name: each for each in session.exercises_offered()}
+    return {each.name: each for each in bed_exercises(session)}
 
 
-def do(session: BedSession, manner: BedManner) -> None:
+def do(session: Session, manner: BedManner) -> None:
     """Do the exercise that was started with scripted hands."""
-    exercise = session.exercise
+    exercise = session.bed_exercise
     assert exercise is not None
-    for _ in script(session, session.duct, exercise, manner):
+    for _ in script(session, session.spatial, exercise, manner):
         session.advance()
         if session.run.over:
             return
@@ -51,8 +61,8 @@ def test_good_hands_pass_and_others_are_told_why_they_fail(bed: str, seed: int) 
             if label == "good":
                 assert outcome.passed, outcome
                 assert session.run.progress == 1.0
-                measures = session.measures()
-                assert measures.longest_freed_stretch_mm <= measures.freed_mm + 2.0
+                measures = session.metrics()
+                assert measures["longest_freed_stretch_mm"] <= measures["freed_mm"] + 2.0
             else:
                 assert not outcome.passed
                 assert WHY[name, label] in outcome.reason
@@ -81,11 +91,11 @@ def test_an_exercise_made_again_ends_with_the_same_words() -> None:
     do(session, MANNERS["follow_front"]["clumsy"])
     content = run_json(session.run_file())
     read = read_run(content)
-    again = Replay(BedSession, read.log, phantom(), vertices=300)
+    again = Replay(read.log, phantom(), vertices=300)
     assert run_json(again.run_file()) == content
     session.reset()
     assert session.run.exercise is None
-    assert session.reading().parted == 0
+    assert session.reading().broken == 0
 
 
 def test_limits_follow_the_bed_and_not_its_seed() -> None:
@@ -98,13 +108,13 @@ def test_limits_follow_the_bed_and_not_its_seed() -> None:
     assert loose["free_scar"].bed == "scar"
     # Tougher than the duct: no hook frees it, so none is asked to.
     tough = msgspec.structs.replace(bed_named("inflamed"), name="own", toughness_J_m2=200.0)
-    session = BedSession(phantom(), bed=tough, vertices=300)
+    session = bed_session(phantom(), bed=tough, vertices=300)
     assert "follow_front" not in offered(session)
 
 
 @pytest.mark.parametrize("preset", ["porcine-bile-duct", "thesis-rubber"])
 def test_another_duct_has_exercises_of_its_own(preset: str) -> None:
-    session = BedSession(phantom(), preset_named(preset), vertices=300)
+    session = bed_session(phantom(), preset_named(preset), vertices=300)
     found = offered(session)
     assert "window" in found
     for exercise in found.values():

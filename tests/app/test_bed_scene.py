@@ -13,10 +13,9 @@ from browser import new_context
 from numpy.typing import NDArray
 from playwright.sync_api import Browser
 from program import LONGEST
-from simulated import phantom
+from simulated import bed_exercises, bed_session, phantom
 
-from app.simulation import BedExercise, Instrument, preset_named
-from app.simulation.bed import BedSession
+from app.simulation import BedExercise, Instrument, Session, preset_named
 from app.trainer.scene.bed_scene import BedScene
 from app.trainer.scene.goal_band import GoalStretch
 from app.trainer.stage.strands import NUMBERS, PARTED
@@ -25,16 +24,16 @@ from physics.bed import kernels
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def lift(session: BedSession, height: float) -> None:
+def lift(session: Session, height: float) -> None:
     """Lift the duct in the middle by the first hand's hook."""
     session.grab(0, 25.4)
-    start = session.duct.hands[0].place.copy()
+    start = session.spatial.hands[0].place.copy()
     for tick in range(1, 46):
         session.move_hand(0, start + height * min(1.0, tick / 30) * UP)
         session.advance()
 
 
-def put(session: BedSession, instrument: Instrument, place: np.ndarray, opening: float) -> None:
+def put(session: Session, instrument: Instrument, place: np.ndarray, opening: float) -> None:
     """Lead an instrument of the first hand somewhere."""
     session.choose_instrument(0, instrument)
     session.move_hand(0, place)
@@ -44,8 +43,8 @@ def put(session: BedSession, instrument: Instrument, place: np.ndarray, opening:
 
 
 @pytest.fixture
-def session() -> BedSession:
-    return BedSession(phantom(), vertices=600)
+def session() -> Session:
+    return bed_session(phantom(), vertices=600)
 
 
 @pytest.fixture
@@ -76,21 +75,21 @@ def sent(scene: viser.SceneApi, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 def drawn_rows(drawn: BedScene, count: int) -> NDArray[np.float32]:
     """Return what was sent last of each strand."""
     assert drawn._strands is not None
-    header = drawn._session.duct.beam.state.rods.size
+    header = drawn._session.spatial.beam.state.rods.size
     return drawn._strands._sent.reshape(-1)[header : header + NUMBERS * count].reshape(-1, NUMBERS)
 
 
 def test_strands_are_drawn_where_they_hold_and_as_many_as_are_whole(
-    client: viser.ClientHandle, session: BedSession
+    client: viser.ClientHandle, session: Session
 ) -> None:
     drawn = BedScene(client, session, "plain")
     lift(session, 6.0)
-    reading, beam = session.reading(), session.duct.beam
+    reading, beam = session.reading(), session.spatial.beam
     drawn.draw(reading)
-    assert 0 < reading.parted < reading.strands
+    assert 0 < reading.broken < reading.strands
     assert drawn._strands is not None
     rows = drawn_rows(drawn, reading.strands)
-    assert np.count_nonzero(rows[:, 3] > PARTED) == reading.strands - reading.parted
+    assert np.count_nonzero(rows[:, 3] > PARTED) == reading.strands - reading.broken
     # On the skin, which is near to the beam's surface.
     aside = drawn._strands._aside
     assert np.abs(aside).max() < 0.4
@@ -111,7 +110,7 @@ def test_strands_are_drawn_where_they_hold_and_as_many_as_are_whole(
 
 @pytest.mark.parametrize("instrument", ["hook", "grasper", "dissector", "swab"])
 def test_instruments_are_where_the_hands_have_them(
-    client: viser.ClientHandle, session: BedSession, instrument: Instrument
+    client: viser.ClientHandle, session: Session, instrument: Instrument
 ) -> None:
     drawn = BedScene(client, session, "plain")
     put(session, instrument, np.array([20.0, -9.0, 7.0]), 6.0)
@@ -119,7 +118,7 @@ def test_instruments_are_where_the_hands_have_them(
     shown = drawn._instruments[0]
     assert shown is not None
     assert shown.instrument == instrument
-    hand = session.duct.hands[0]
+    hand = session.spatial.hands[0]
     np.testing.assert_allclose(shown._node.position, hand.place)
     np.testing.assert_allclose(hand.place, [20.0, -9.0, 7.0])
     # Its shaft leads aside, not at the viewer, who would see nothing else.
@@ -127,9 +126,7 @@ def test_instruments_are_where_the_hands_have_them(
     assert shown.grip.vertices[lengths.argmax(), 0] > 0.3 * lengths.max()
 
 
-def test_a_dissectors_jaws_lie_along_its_rods(
-    client: viser.ClientHandle, session: BedSession
-) -> None:
+def test_a_dissectors_jaws_lie_along_its_rods(client: viser.ClientHandle, session: Session) -> None:
     drawn = BedScene(client, session, "plain")
     put(session, "dissector", np.array([20.0, -14.0, -6.0]), 8.0)
     drawn.draw(session.reading())
@@ -137,7 +134,7 @@ def test_a_dissectors_jaws_lie_along_its_rods(
     assert shown is not None
     assert shown._jaws is not None
     for number, mesh in enumerate(shown._jaws._meshes):
-        rod = session.duct.beam.state.rods[number]
+        rod = session.spatial.beam.state.rods[number]
         vertices = shown._node.position + mesh.vertices
         back = (vertices - rod[:3]) @ rod[3:6]
         working = (back > 3.2) & (back < 12.0)
@@ -148,7 +145,7 @@ def test_a_dissectors_jaws_lie_along_its_rods(
 
 
 def test_arrows_are_as_the_forces_and_are_hidden_with_the_figures(
-    client: viser.ClientHandle, session: BedSession
+    client: viser.ClientHandle, session: Session
 ) -> None:
     drawn = BedScene(client, session, "plain")
     lift(session, 6.0)
@@ -158,10 +155,10 @@ def test_arrows_are_as_the_forces_and_are_hidden_with_the_figures(
     assert (held.visible, free.visible) == (True, False)
     arrow, label = held._parts
     foot, tip = arrow.points[0]
-    way, force = tip - foot, session.duct.dissection.frame @ reading.forces[0]
+    way, force = tip - foot, session.tissue.dissection.frame @ reading.forces[0]
     np.testing.assert_allclose(way / np.linalg.norm(way), force / np.linalg.norm(force), atol=1e-5)
     # A fifth of the span at the break, in proportion to the stress below it.
-    share = max(reading.stress_share, 0.3)
+    share = max(reading.stress_ratio, 0.3)
     assert np.linalg.norm(way) == pytest.approx(0.2 * drawn._set_stage().span * share, rel=1e-4)
     assert label.text == f"{np.linalg.norm(force):.2f} N"
     drawn.draw(reading, figures=False)
@@ -169,7 +166,7 @@ def test_arrows_are_as_the_forces_and_are_hidden_with_the_figures(
 
 
 def test_the_stretch_that_an_exercise_is_about_is_marked(
-    client: viser.ClientHandle, session: BedSession
+    client: viser.ClientHandle, session: Session
 ) -> None:
     drawn = BedScene(client, session, "plain")
     scar = BedExercise(
@@ -195,7 +192,7 @@ def test_the_stretch_that_an_exercise_is_about_is_marked(
 
 
 def test_nothing_is_sent_when_nothing_changes(
-    client: viser.ClientHandle, session: BedSession, sent: list[Any]
+    client: viser.ClientHandle, session: Session, sent: list[Any]
 ) -> None:
     drawn = BedScene(client, session, "full")
     lift(session, 4.0)
@@ -203,7 +200,7 @@ def test_nothing_is_sent_when_nothing_changes(
     before = len(sent)
     drawn.draw(session.reading())
     assert len(sent) == before
-    session.move_hand(0, session.duct.hands[0].place + UP)
+    session.move_hand(0, session.spatial.hands[0].place + UP)
     for _ in range(10):
         session.advance()
     drawn.draw(session.reading())
@@ -211,7 +208,7 @@ def test_nothing_is_sent_when_nothing_changes(
 
 
 def test_both_looks_both_colours_and_a_tear_are_drawn_and_removed(
-    client: viser.ClientHandle, session: BedSession, scene: viser.SceneApi
+    client: viser.ClientHandle, session: Session, scene: viser.SceneApi
 ) -> None:
     drawn = BedScene(client, session, "full")
     session.choose_bed("inflamed")
@@ -249,7 +246,7 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
         client = connected.get(timeout=LONGEST)
-        session = BedSession(phantom(), vertices=600)
+        session = bed_session(phantom(), vertices=600)
         drawn = BedScene(client, session, "plain")
         lift(session, 7.0)
         reading = session.reading()
@@ -258,7 +255,7 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
             const strands = window.bluntdissectStrands?.drawn.get('/bed/strands');
             if (!strands?.given || strands.moving) return false;
             const parted = strands.parted.filter(at => !Number.isNaN(at)).length;
-            return parted === {reading.parted};
+            return parted === {reading.broken};
         }}"""
         page.wait_for_function(ready)
         places = page.evaluate(
@@ -285,8 +282,8 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
         context.close()
         server.stop()
     middles = np.array(places).reshape(reading.strands, 8, 2, 3).mean(axis=2)
-    state = session.duct.beam.state
-    ends = session.duct.beam.strand_ends()[session.duct.beam.order]
+    state = session.spatial.beam.state
+    ends = session.spatial.beam.strand_ends()[session.spatial.beam.order]
     feet = state.strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T
     parted = state.damage >= 1.0
     assert 0 < parted.sum() < parted.size
@@ -302,9 +299,9 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
 
 
 def test_a_divided_duct_is_drawn_without_its_second_clamp(
-    client: viser.ClientHandle, session: BedSession
+    client: viser.ClientHandle, session: Session
 ) -> None:
-    front = next(each for each in session.exercises_offered() if each.name == "follow_front")
+    front = next(each for each in bed_exercises(session) if each.name == "follow_front")
     scene = BedScene(client, session, "full")
     stubs: list[list[int]] = []
     for exercise in (None, front):

@@ -60,10 +60,10 @@ def test_the_phantom_is_built_practised_on_and_downloaded(
         session.set_target_force(2.0)
         before = session.drawn.shape
         tab.press("Practise on it")
-        tab.wait_until(lambda: session.duct.dissection.organ.encoded == coarse)
+        tab.wait_until(lambda: session.tissue.dissection.organ.encoded == coarse)
         tab.wait_until(lambda: session.drawn.shape > before)
         assert not session.run.started
-        assert session.grasper.slider_force == 0.0
+        assert session.planar.grasper.slider_force == 0.0
         tab.open("Train")
         tab.slide("Force F (N)", 1.0)  # its own hollow sections tear at 1.8 N
         tab.wait_for_force(1.0)
@@ -128,7 +128,9 @@ def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
         assert place.is_dir()
         tab.press("Practise on it")
         session = view.session
-        tab.wait_until(lambda: session.duct.dissection.organ.length == pytest.approx(7.6, abs=0.1))
+        tab.wait_until(
+            lambda: session.tissue.dissection.organ.length == pytest.approx(7.6, abs=0.1)
+        )
         tab.open("Model")
         tab.wait_until(lambda: panel._model._preset.value == "Own sections, assumed tissue")
         titles = tuple(preset.title for preset in session.presets_offered())
@@ -160,7 +162,7 @@ def test_an_organ_that_is_probably_another_is_asked_about_and_a_click_says_which
 ) -> None:
     with trainer_page(browser, trainer.address, width=width, height=height) as tab:
         session = newest(trainer).session
-        shipped = session.duct.dissection.organ
+        shipped = session.tissue.dissection.organ
         tab.open("Build")
         page = tab.page
         with page.expect_file_chooser() as chosen:
@@ -183,11 +185,11 @@ def test_an_organ_that_is_probably_another_is_asked_about_and_a_click_says_which
         expect(dialog).to_contain_text("8 of 8 sections show another part")
         dialog.get_by_role("button", name="Back to the images").click()
         expect(dialog).to_have_count(0)
-        assert session.duct.dissection.organ is shipped
+        assert session.tissue.dissection.organ is shipped
         tab.press("Practise on it")
         dialog.get_by_role("button", name="Practise on it all the same").click()
         tab.wait_until(
-            lambda: session.duct.dissection.organ.mean_radius == pytest.approx(7.1, abs=0.1)
+            lambda: session.tissue.dissection.organ.mean_radius == pytest.approx(7.1, abs=0.1)
         )
 
         image = page.get_by_test_id("build-image")
@@ -200,7 +202,7 @@ def test_an_organ_that_is_probably_another_is_asked_about_and_a_click_says_which
         expect(tab.row("Point").locator("input")).to_have_value("52,10,4")
         tab.press("Practise on it")
         tab.wait_until(
-            lambda: session.duct.dissection.organ.mean_radius == pytest.approx(3.1, abs=0.1)
+            lambda: session.tissue.dissection.organ.mean_radius == pytest.approx(3.1, abs=0.1)
         )
 
         # The first image is left out, and all are looked at again by the button.

@@ -16,8 +16,7 @@ from program import refused, run
 
 from app.command_line.bed_options import BED_NAMES
 from app.command_line.load import PRESET_NAMES
-from app.simulation import presets
-from app.simulation.bed import bed_presets
+from app.simulation import bed_presets, presets
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from assets import BILE_DUCT, BILE_DUCT_PHANTOM
 from organ_geometry.organ_file import read_organ

@@ -9,10 +9,9 @@ import pytest
 from browser import TrainerPage, catch_up, newest, newest_dissection, stop_time, trainer_page
 from playwright.sync_api import Browser, expect
 from projection import picture_points
-from simulated import phantom
+from simulated import bed_exercises, bed_session, phantom
 
-from app.simulation import Feedback
-from app.simulation.bed import MANNERS, BedSession, Hand, bed_named, script
+from app.simulation import MANNERS, Feedback, Hand, Session, bed_named, script
 from app.trainer.client.dissect_state import NUDGE
 from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.scene import drag_proxy
@@ -65,12 +64,12 @@ def drag(
         tab.next_picture()
 
 
-def still(session: BedSession) -> bool:
+def still(session: Session) -> bool:
     """Whether both hands are where they are wanted."""
-    return all(hand.arrived for hand in session.duct.hands)
+    return all(hand.arrived for hand in session.spatial.hands)
 
 
-def playback(view: DissectView) -> ReplayPlayback[BedSession]:
+def playback(view: DissectView) -> ReplayPlayback:
     found = view.state.playback
     assert found is not None
     return found
@@ -78,7 +77,7 @@ def playback(view: DissectView) -> ReplayPlayback[BedSession]:
 
 def aside(view: DissectView, station: float) -> np.ndarray:
     """A place of the duct's wall that the viewer sees and no instrument covers."""
-    radius = view.session.duct.dissection.organ.mean_radius
+    radius = view.session.tissue.dissection.organ.mean_radius
     return np.array([station, -0.7 * radius, 0.0])
 
 
@@ -89,24 +88,24 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
         view = newest_dissection(dissections)
         session = view.session
         drag(tab, dissections, view, aside(view, 20.0), (0.0, -70.0))
-        tab.wait_until(lambda: session.reading().parted > 20 and still(session))
+        tab.wait_until(lambda: session.reading().broken > 20 and still(session))
         assert session.reading().torn_at is None
-        assert session.reading().held == (True, False)
-        node = session.duct.hands[0].node
-        assert session.duct.beam.stations[node] == pytest.approx(20.0, abs=1.5)
+        assert session.reading().holding == (True, False)
+        node = session.spatial.hands[0].node
+        assert session.spatial.beam.stations[node] == pytest.approx(20.0, abs=1.5)
 
         def shown() -> None:
             reading = session.reading()
             for name, value in {
                 "distance-to-break": reading.distance_to_break,
                 "freed-mm": reading.freed,
-                "parted": reading.parted,
-                "peak": reading.peak_share,
-                "worst-mm": reading.station,
+                "parted": reading.broken,
+                "peak": reading.peak_stress_ratio,
+                "worst-mm": reading.check.station,
                 "force-left-n": np.linalg.norm(reading.forces[0]),
                 "force-right-n": 0.0,
-                "into-strands-mj": reading.books.dissipated,
-                "work-mj": reading.books.work,
+                "into-strands-mj": reading.energy.dissipated,
+                "work-mj": reading.energy.work,
             }.items():
                 assert tab.figure(name) == pytest.approx(value, rel=1e-4, abs=1e-9), name
             ((ago, left, right, distance, limit),) = tab.charts()
@@ -125,21 +124,21 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
 
         # The hook lets go with the mouse; what has parted stays parted.
         tab.page.mouse.up()
-        tab.wait_until(lambda: session.reading().held == (False, False))
-        tab.wait_until(lambda: session.reading().stress_share < 0.3)
-        parted = session.reading().parted
-        assert parted >= reading.parted
-        assert session.reading().peak_share >= reading.peak_share
+        tab.wait_until(lambda: session.reading().holding == (False, False))
+        tab.wait_until(lambda: session.reading().stress_ratio < 0.3)
+        parted = session.reading().broken
+        assert parted >= reading.broken
+        assert session.reading().peak_stress_ratio >= reading.peak_stress_ratio
 
         # It takes hold again elsewhere, and is led along the duct.
         drag(tab, dissections, view, aside(view, 32.0), (25.0, -25.0))
-        tab.wait_until(lambda: session.reading().held == (True, False))
-        assert session.duct.held_at(0) == pytest.approx(32.0, abs=1.5)
-        tab.wait_until(lambda: session.duct.hands[0].place[0] > 33.0)
-        assert session.reading().parted >= parted
+        tab.wait_until(lambda: session.reading().holding == (True, False))
+        assert session.spatial.held_at(0) == pytest.approx(32.0, abs=1.5)
+        tab.wait_until(lambda: session.spatial.hands[0].place[0] > 33.0)
+        assert session.reading().broken >= parted
         assert float(session.reading().forces[0][0]) > 0.0
         tab.page.mouse.up()
-        tab.wait_until(lambda: session.reading().held == (False, False))
+        tab.wait_until(lambda: session.reading().holding == (False, False))
         tab.tick("Plot")
         tab.wait_until(lambda: not tab.charts())
 
@@ -154,20 +153,20 @@ def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
         tab.wait_until(lambda: view.state.hand == 1)
         drag(tab, dissections, view, aside(view, 36.0), (0.0, -60.0))
         tab.wait_until(lambda: session.reading().forces[1][2] > 0.1)
-        tab.wait_until(lambda: still(session) and session.duct.hands[1].place[2] > 1.0)
+        tab.wait_until(lambda: still(session) and session.spatial.hands[1].place[2] > 1.0)
         page.mouse.up()
         tab.wait_until(lambda: view.state._dragged is None and still(session))
-        assert session.reading().held == (False, True)
-        left = session.duct.hands[1].place.copy()
+        assert session.reading().holding == (False, True)
+        left = session.spatial.hands[1].place.copy()
         assert left[2] > 1.0
         # The other hand works meanwhile.
         page.keyboard.press("x")
         tab.wait_until(lambda: view.state.hand == 0)
         drag(tab, dissections, view, aside(view, 12.0), (0.0, -50.0))
-        tab.wait_until(lambda: session.reading().held == (True, True))
+        tab.wait_until(lambda: session.reading().holding == (True, True))
         page.mouse.up()
-        tab.wait_until(lambda: session.reading().held == (False, True))
-        np.testing.assert_array_equal(session.duct.hands[1].place, left)
+        tab.wait_until(lambda: session.reading().holding == (False, True))
+        np.testing.assert_array_equal(session.spatial.hands[1].place, left)
         # Two buttons stand in a row, with all their words, and leave room for the plot.
         let_go = page.get_by_role("button", name="Right hand: let go")
         words = let_go.locator(".mantine-Button-label")
@@ -177,7 +176,7 @@ def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
         assert pause.evaluate(middle) == reset.evaluate(middle)
         assert page.locator(".uplot").evaluate(middle) < 800.0
         tab.press("Right hand: let go")
-        tab.wait_until(lambda: session.reading().held == (False, False))
+        tab.wait_until(lambda: session.reading().holding == (False, False))
 
 
 def test_keys_lead_the_hand_and_open_the_jaws(browser: Browser, dissections: Trainer) -> None:
@@ -187,7 +186,7 @@ def test_keys_lead_the_hand_and_open_the_jaws(browser: Browser, dissections: Tra
         camera = view.client.camera.position.copy()
 
         def hand() -> Hand:
-            return session.duct.hands[0]
+            return session.spatial.hands[0]
 
         before = hand().target.copy()
         for key, times in (("ArrowRight", 3), ("ArrowUp", 2), ("Shift+ArrowUp", 4)):
@@ -202,15 +201,15 @@ def test_keys_lead_the_hand_and_open_the_jaws(browser: Browser, dissections: Tra
         np.testing.assert_allclose(view.client.camera.position, camera)
 
         keyboard.press("g")
-        tab.wait_until(lambda: session.reading().held[0])
+        tab.wait_until(lambda: session.reading().holding[0])
         keyboard.press("g")
-        tab.wait_until(lambda: not session.reading().held[0])
+        tab.wait_until(lambda: not session.reading().holding[0])
 
         keyboard.press("o")
         expect(tab.page.get_by_text("Only a dissector opens")).to_be_visible()
         for _ in range(2):
             keyboard.press("n")
-        tab.wait_until(lambda: session.duct.hands[0].instrument == "dissector")
+        tab.wait_until(lambda: session.spatial.hands[0].instrument == "dissector")
         for _ in range(5):
             keyboard.press("o")
         tab.wait_until(lambda: hand().target_opening == 10.0 * NUDGE)
@@ -220,8 +219,8 @@ def test_keys_lead_the_hand_and_open_the_jaws(browser: Browser, dissections: Tra
         session.move_hand(0, hand().place + np.array([0.0, 25.0, 0.0]))
         tab.wait_until(lambda: still(session))
         tab.slide("Jaws (mm)", 16.0)
-        tab.wait_until(lambda: session.reading().parted > 60)
-        assert session.reading().peak_share < 0.3
+        tab.wait_until(lambda: session.reading().broken > 60)
+        assert session.reading().peak_stress_ratio < 0.3
 
 
 def test_a_torn_duct_is_told_and_a_reset_makes_all_whole(
@@ -245,7 +244,7 @@ def test_a_torn_duct_is_told_and_a_reset_makes_all_whole(
         tab.wait_for_phase("intact")
         expect(notice).to_have_count(0)
         reading = session.reading()
-        assert (reading.parted, reading.freed, reading.peak_share) == (0, 0.0, 0.0)
+        assert (reading.broken, reading.freed, reading.peak_stress_ratio) == (0, 0.0, 0.0)
         tab.wait_for_node("skin")
 
 
@@ -279,14 +278,14 @@ def test_a_bed_is_chosen_with_its_source_and_its_number(
         session, firm = view.session, bed_named("firm")
         tab.open("Bed")
         tab.choose("Bed", firm.title)
-        tab.wait_until(lambda: session.duct.bed == firm)
+        tab.wait_until(lambda: session.spatial.bed == firm)
         expect(tab.page.get_by_text(firm.source.split(",")[0])).to_be_visible()
         expect(tab.page.get_by_text(f"Confidence: {firm.confidence}").first).to_be_visible()
         tab.slide("Bed's number", 7)
-        tab.wait_until(lambda: session.duct.seed == 7)
-        same = BedSession(phantom(), bed=firm, bed_seed=7)
+        tab.wait_until(lambda: session.specimen.bed_seed == 7)
+        same = bed_session(phantom(), bed=firm, bed_seed=7)
         np.testing.assert_array_equal(
-            session.duct.beam.strands.stations, same.duct.beam.strands.stations
+            session.spatial.beam.strands.stations, same.spatial.beam.strands.stations
         )
         expect(tab.page.get_by_test_id("duct")).to_contain_text(f"{firm.title}, bed 7")
         band = tab.readout.get_by_test_id("band")
@@ -305,8 +304,8 @@ def test_the_page_changes_between_dissect_and_pull_and_a_reload_finds_both(
         place = session.grab(0, 20.0)
         assert place is not None
         session.move_hand(0, place + np.array([0.0, 0.0, 5.0]))
-        tab.wait_until(lambda: still(session) and session.reading().parted > 0)
-        parted = session.reading().parted
+        tab.wait_until(lambda: still(session) and session.reading().broken > 0)
+        parted = session.reading().broken
 
         tab.press("Pull")
         tab.page.get_by_role("tab", name="Compare").wait_for()
@@ -314,7 +313,7 @@ def test_the_page_changes_between_dissect_and_pull_and_a_reload_finds_both(
         pull = newest(dissections).session
         tab.slide("Force F (N)", 1.5)
         tab.wait_for_force(1.5)
-        assert session.reading().parted == parted  # no time goes by for what is not shown
+        assert session.reading().broken == parted  # no time goes by for what is not shown
         assert tab.page.evaluate("window.before")  # it is the same page
 
         tab.page.reload()
@@ -346,10 +345,10 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
         session, page = view.session, tab.page
 
         def target() -> np.ndarray:
-            return session.duct.hands[0].target
+            return session.spatial.hands[0].target
 
         def held() -> bool:
-            return session.reading().held[0]
+            return session.reading().holding[0]
 
         page.keyboard.down("Shift")
         drag(tab, dissections, view, aside(view, 20.0), (0.0, -30.0))
@@ -416,14 +415,14 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         session, page = view.session, tab.page
         tab.open("Learn")
         tab.wait_until(lambda: view._panel._exercises._offered)
-        exercise = next(iter(session.exercises_offered()))
+        exercise = next(iter(bed_exercises(session)))
         tab.choose("Exercise", exercise.title)
         tab.choose("Feedback", "Only in the result")
         tab.press("Start")
         expect(page.get_by_test_id("exercise-state")).to_contain_text("first touch")
         expect(page.get_by_test_id("task")).to_contain_text(exercise.limit)
         stop_time(tab, dissections, view)  # it goes by the hands' own ticks
-        for _ in script(session, session.duct, exercise, MANNERS[exercise.name]["good"]):
+        for _ in script(session, session.spatial, exercise, MANNERS[exercise.name]["good"]):
             session.advance()
             if session.run.over:
                 break
@@ -464,7 +463,7 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
 def test_figures_hidden_in_an_exercise_are_hidden(browser: Browser, dissections: Trainer) -> None:
     with trainer_page(browser, dissections.address) as tab:
         view = newest_dissection(dissections)
-        (exercise, *_) = view.session.exercises_offered()
+        (exercise, *_) = bed_exercises(view.session)
         view.state.show(colours="stress")
         view.state.start_exercise(exercise, Feedback.SUMMARY)
         view.state.choose_instrument(1, exercise.instruments[0])

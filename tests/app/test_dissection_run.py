@@ -16,7 +16,7 @@ import pytest
 import run_bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated import phantom
+from simulated import bed_session, phantom
 
 from app.command_line.replay import replay
 from app.simulation import (
@@ -24,23 +24,25 @@ from app.simulation import (
     Replay,
     RunFile,
     RunFileError,
+    Session,
+    Specimen,
+    bed_named,
     preset_named,
     read_run,
     run_json,
 )
-from app.simulation.bed import BedSession, bed_named
 
 SCATTERED = bed_named("firm")
 
 
-def bits(session: BedSession) -> bytes:
+def bits(session: Session) -> bytes:
     """All that is to be the same: the beam, its strands' damage, the skin and the reading."""
-    beam, drawn = session.duct.beam, session.drawn
+    beam, drawn = session.spatial.beam, session.drawn
     parts = [beam.places, beam.rotations, beam.damage, drawn.surfaces[0].vertices]
     return b"".join(part.tobytes() for part in parts) + repr(astuple(session.reading())).encode()
 
 
-def dissected(session: BedSession, seen: list[bytes] | None = None) -> RunFile:
+def dissected(session: Session, seen: list[bytes] | None = None) -> RunFile:
     """A run with every kind of input of both hands: lifted, spread, swept, let go."""
 
     def advance(ticks: int) -> None:
@@ -49,14 +51,14 @@ def dissected(session: BedSession, seen: list[bytes] | None = None) -> RunFile:
             if seen is not None:
                 seen.append(bits(session))
 
-    span = session.duct.dissection.beam.span
+    span = session.tissue.dissection.beam.span
     start = session.grab(0, 0.45 * span)
     assert start is not None
     for tick in range(20):
         session.move_hand(0, start + np.array([0.0, 0.5 * math.sin(tick), 0.3 * tick]))
         advance(1)
     session.choose_instrument(1, "dissector")
-    away = session.duct.hands[1].place.copy()
+    away = session.spatial.hands[1].place.copy()
     session.move_hand(1, away + np.array([0.0, 8.0 - away[1], 0.0]))
     advance(25)
     for tick in range(30):
@@ -74,13 +76,13 @@ def dissected(session: BedSession, seen: list[bytes] | None = None) -> RunFile:
     return session.run_file()
 
 
-def replayed(content: bytes) -> Replay[BedSession]:
+def replayed(content: bytes) -> Replay:
     """The replay of a file."""
     read = read_run(content)
-    return Replay(BedSession, read.log, phantom(), vertices=300)
+    return Replay(read.log, phantom(), vertices=300)
 
 
-def replay_end(content: bytes) -> BedSession:
+def replay_end(content: bytes) -> Session:
     """The session of a replay at its end."""
     again = replayed(content)
     again.seek_tick(again.log.ticks)
@@ -90,7 +92,7 @@ def replay_end(content: bytes) -> BedSession:
 @pytest.mark.parametrize("preset", ["thesis-bile-duct", "porcine-bile-duct"])
 def test_a_dissection_made_again_is_equal_to_the_bit_through_json(preset: str) -> None:
     seen: list[bytes] = []
-    session = BedSession(phantom(), preset_named(preset), SCATTERED, bed_seed=7, vertices=300)
+    session = bed_session(phantom(), preset_named(preset), SCATTERED, bed_seed=7, vertices=300)
     original = dissected(session, seen)
     assert {each.kind for each in original.log.inputs} == {
         "instrument", "grab", "move", "open", "release",
@@ -109,14 +111,14 @@ def test_a_dissection_made_again_is_equal_to_the_bit_through_json(preset: str) -
 
 
 def test_what_was_done_before_a_reset_does_not_show_in_a_dissection() -> None:
-    session = BedSession(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
+    session = bed_session(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
     session.move_hand(0, np.array([10.0, -5.0, 9.0]))
     session.advance(7)
     session.grab(0, 20.0)
     session.move_hand(0, np.array([20.0, 2.0, 9.0]))
     session.advance(40)
     session.reset()
-    fresh = BedSession(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
+    fresh = bed_session(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
     for each in (session, fresh):  # a run begins with the hands where they are
         each.move_hand(1, np.array([30.0, -5.0, 9.0]))
         each.advance(3)
@@ -124,19 +126,19 @@ def test_what_was_done_before_a_reset_does_not_show_in_a_dissection() -> None:
 
 
 def test_a_tear_ends_a_dissection_and_a_reset_begins_another() -> None:
-    session = BedSession(phantom(), vertices=300)
+    session = bed_session(phantom(), vertices=300)
     start = session.grab(0, 25.4)
     assert start is not None
     session.move_hand(0, start + np.array([0.0, 0.0, 40.0]))
     while session.run.going:
         session.advance()
-    tear = session.measures().tear
+    tear = session.metrics()["tear"]
     assert tear is not None
-    assert tear.normal_stress_MPa + tear.bending_stress_MPa > tear.threshold_MPa
+    assert tear["normal_stress_MPa"] + tear["bending_stress_MPa"] > tear["threshold_MPa"]
     original = session.run_file()
     session.advance(40)
     assert session.run_file() == original
-    again = Replay(BedSession, original.log, phantom(), vertices=300)
+    again = Replay(original.log, phantom(), vertices=300)
     assert again.run_file() == original
     assert again.ticks > original.log.ticks
     session.reset()
@@ -147,7 +149,7 @@ def test_a_tear_ends_a_dissection_and_a_reset_begins_another() -> None:
 
 def test_the_measures_are_those_of_the_readings() -> None:
     """Summed here again, tick by tick, from what the instruments showed."""
-    session = BedSession(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
+    session = bed_session(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
     start = session.grab(0, 20.0)
     assert start is not None
     forces: list[np.ndarray] = []
@@ -159,32 +161,32 @@ def test_the_measures_are_those_of_the_readings() -> None:
         session.move_hand(0, start + way)
         session.advance()
         reading = session.reading()
-        forces.append(reading.forces[0])
-        shares.append(reading.stress_share)
-        parted.append(reading.parted)
-    found, books = session.measures(), session.reading().books
+        forces.append(np.array(reading.forces[0]))
+        shares.append(reading.stress_ratio)
+        parted.append(reading.broken)
+    found, books = session.metrics(), session.reading().energy
     sizes = np.linalg.norm(forces, axis=1)
-    assert found.maximum_force_N == (pytest.approx(sizes.max()), 0.0)
-    assert found.force_time_product_N_s[0] == pytest.approx(sizes.sum() / 30.0)
+    assert found["maximum_force_N"] == [pytest.approx(sizes.max()), 0.0]
+    assert found["force_time_product_N_s"][0] == pytest.approx(sizes.sum() / 30.0)
     angles = np.degrees(np.arccos(np.array(forces)[:, 2] / sizes))
-    assert found.traction_angle_deg == pytest.approx((angles * sizes).sum() / sizes.sum())
+    assert found["traction_angle_deg"] == pytest.approx((angles * sizes).sum() / sizes.sum())
     assert 20.0 < np.mean(angles) < 45.0
-    assert found.peak_stress_ratio == max(shares) == 1.0 - found.smallest_distance_to_break
-    assert found.time_above_half_s == pytest.approx(sum(share > 0.5 for share in shares) / 30.0)
+    assert found["peak_stress_ratio"] == max(shares) == 1.0 - found["smallest_distance_to_break"]
+    assert found["time_above_half_s"] == pytest.approx(sum(share > 0.5 for share in shares) / 30.0)
     left = [
         (1.0 - after) / (10.0 * (after - before))
         for before, after in zip([0.0, 0.0, 0.0, *shares], shares, strict=False)
         if after > before
     ]
-    assert found.shortest_time_to_break_s == pytest.approx(min(left))
-    assert found.strands_broken == parted[-1] == found.strands_broken_by_hand[0]
-    assert 0 < found.strands_broken_out_of_sight < found.strands_broken
-    assert found.work_mJ == (pytest.approx(books.work), 0.0)
-    assert found.strand_energy_mJ == books.dissipated
-    assert found.economy_of_work == pytest.approx(books.dissipated / books.work)
-    assert 0.0 < found.duct_energy_mJ < books.work - books.dissipated
+    assert found["shortest_time_to_break_s"] == pytest.approx(min(left))
+    assert found["strands_broken"] == parted[-1] == found["strands_broken_by_hand"][0]
+    assert 0 < found["strands_broken_out_of_sight"] < found["strands_broken"]
+    assert found["work_mJ"] == [pytest.approx(books.work), 0.0]
+    assert found["strand_energy_mJ"] == books.dissipated
+    assert found["economy_of_work"] == pytest.approx(books.dissipated / books.work)
+    assert 0.0 < found["duct_energy_mJ"] < books.work - books.dissipated
     # A hook pulls no strand against an instrument; jaws behind the duct pull all of theirs so.
-    assert found.strands_broken_by_instrument == 0
+    assert found["strands_broken_by_instrument"] == 0
 
 
 inputs = st.one_of(
@@ -203,7 +205,7 @@ inputs = st.one_of(
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 6), inputs), min_size=1, max_size=12))
 def test_any_dissection_made_again_is_equal_to_the_bit(course: list[tuple[int, Any]]) -> None:
-    session = BedSession(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
+    session = bed_session(phantom(), bed=SCATTERED, bed_seed=7, vertices=300)
     for ticks, (name, *values) in course:
         getattr(session, name)(*values)
         session.advance(ticks)
@@ -215,23 +217,44 @@ def test_any_dissection_made_again_is_equal_to_the_bit(course: list[tuple[int, A
 
 
 def test_the_columns_of_a_dissection_are_those_of_its_readings() -> None:
-    session = BedSession(phantom(), vertices=300)
+    session = bed_session(phantom(), vertices=300)
     run = dissected(session)
-    series = Replay(BedSession, run.log, phantom(), vertices=300).series()
+    series = Replay(run.log, phantom(), vertices=300).series()
     lines = series.csv().splitlines()
     assert len(lines) == 1 + run.log.ticks
     last = dict(zip(lines[0].split(","), map(float, lines[-1].split(",")), strict=True))
     reading = session.reading()
     assert last["hand_1_force_z_N"] == reading.forces[0][2]
-    assert (last["freed_mm"], last["strands_broken"]) == (reading.freed, reading.parted)
-    assert last["dissipated_mJ"] == reading.books.dissipated
-    assert last["hand_2_x_mm"] == session.duct.hands[1].place[0]
+    assert (last["freed_mm"], last["strands_broken"]) == (reading.freed, reading.broken)
+    assert last["dissipated_mJ"] == reading.energy.dissipated
+    assert last["hand_2_x_mm"] == session.spatial.hands[1].place[0]
+
+
+def test_a_free_duct_in_space_is_dissected_without_strands_and_replayed() -> None:
+    """Two hands and a dissector at a duct that its clamps alone hold."""
+    specimen = Specimen(preset_named("assumed-duct"), phantom())
+    session = Session(specimen, vertices=300)
+    place = session.grab(0, 25.0)
+    assert place is not None
+    session.choose_instrument(1, "dissector")
+    for tick in range(40):
+        session.move_hand(0, np.array(place) + np.array([0.0, 0.0, 0.3 * tick]))
+        session.advance()
+    reading = session.reading()
+    assert (reading.strands, reading.freed, session.exercises_offered()) == (0, 0.0, ())
+    session.set_threshold(0.9 * reading.check.total_stress)
+    while session.run.going:
+        session.advance()
+    assert session.reading().torn_at is not None
+    content = run_json(session.run_file())
+    assert read_run(content).log.start.bed is None
+    assert run_json(replayed(content).run_file()) == content
 
 
 @pytest.fixture(scope="module")
 def shortest() -> bytes:
     """A run of one hold."""
-    session = BedSession(phantom(), vertices=300)
+    session = bed_session(phantom(), vertices=300)
     session.grab(0, 20.0)
     session.advance(3)
     return run_json(session.run_file())
@@ -291,7 +314,7 @@ def test_a_stored_run_of_version_3_plays_as_it_was_recorded() -> None:
     """Two hands, a dissector behind the duct, a new hold, and a pull that tears it."""
     content = (Path(__file__).parent / "runs" / "version_3_torn.json").read_bytes()
     original = read_run(content)
-    found = Replay(BedSession, original.log, phantom(), vertices=300).run_file()
+    found = Replay(original.log, phantom(), vertices=300).run_file()
     assert original.agrees_with(found)
     assert found.log == original.log
     assert original.metrics["tear"] is not None
@@ -300,7 +323,7 @@ def test_a_stored_run_of_version_3_plays_as_it_was_recorded() -> None:
     assert original.metrics["strands_broken_by_hand"] == [146, 236]
     start = msgspec.structs.replace(original.log.start, broken_by_touch=True)
     log = msgspec.structs.replace(original.log, start=start)
-    again = Replay(BedSession, log, phantom(), vertices=300).run_file().metrics
+    again = Replay(log, phantom(), vertices=300).run_file().metrics
     assert again["strands_broken_by_hand"][1] == again["strands_broken_by_instrument"] == 51
     by_hand = original.metrics["strands_broken_by_hand"]
     assert again | {"strands_broken_by_hand": by_hand} == found.metrics
@@ -322,35 +345,35 @@ def test_a_run_is_the_same_on_another_processor() -> None:
 
 
 def test_an_idle_instrument_parts_no_strand() -> None:
-    session = BedSession(phantom(), bed_seed=3, vertices=300)
+    session = bed_session(phantom(), bed_seed=3, vertices=300)
     session.choose_instrument(1, "dissector")
     start = session.grab(0, 25.4)
     assert start is not None
     for tick in range(30):
         session.move_hand(0, start + np.array([0.0, 0.0, 0.3 * tick]))
         session.advance()
-    held = session.measures()
-    assert held.strands_broken_by_hand == (held.strands_broken, 0)
-    assert held.strands_broken > 100
+    held = session.metrics()
+    assert held["strands_broken_by_hand"] == [held["strands_broken"], 0]
+    assert held["strands_broken"] > 100
     # Jaws that are opened behind the duct, which nobody holds, part theirs.
     session.release(0)
     session.advance(10)
-    settled = session.measures().strands_broken
-    session.move_hand(1, session.duct.hands[1].place + np.array([0.0, 24.0, 0.0]))
+    settled = session.metrics()["strands_broken"]
+    session.move_hand(1, session.spatial.hands[1].place + np.array([0.0, 24.0, 0.0]))
     session.advance(60)
     session.open_jaws(1, 9.0)
     session.advance(60)
-    swept = session.measures()
-    assert swept.strands_broken > settled
-    assert sum(swept.strands_broken_by_hand) == swept.strands_broken
-    assert swept.strands_broken_by_hand[1] >= swept.strands_broken - settled
+    swept = session.metrics()
+    assert swept["strands_broken"] > settled
+    assert sum(swept["strands_broken_by_hand"]) == swept["strands_broken"]
+    assert swept["strands_broken_by_hand"][1] >= swept["strands_broken"] - settled
     content = run_json(session.run_file())
     assert run_json(replayed(content).run_file()) == content
 
 
 def test_a_run_of_before_laws_plays_by_the_linear_one() -> None:
     linear = msgspec.structs.replace(preset_named("porcine-bile-duct"), law="linear")
-    session = BedSession(phantom(), linear, SCATTERED, bed_seed=7, vertices=300)
+    session = bed_session(phantom(), linear, SCATTERED, bed_seed=7, vertices=300)
     tree = json.loads(run_json(dissected(session)))
     start = tree["log"]["start"]
     assert start.pop("law") == "linear"
@@ -366,13 +389,13 @@ def test_a_run_of_before_laws_plays_by_the_linear_one() -> None:
 def test_a_duct_of_its_own_sections_is_torn_within_the_hand_s_reach(
     preset: str, share: float
 ) -> None:
-    session = BedSession(phantom(), preset_named(preset), vertices=300)
-    start = session.grab(0, share * session.duct.dissection.beam.span)
+    session = bed_session(phantom(), preset_named(preset), vertices=300)
+    start = session.grab(0, share * session.tissue.dissection.beam.span)
     assert start is not None
     lift, seen = 0.0, 0.0
-    while session.duct.torn is None:
-        assert session.duct.share >= 0.999 * seen
-        seen, lift = session.duct.share, lift + 0.25
+    while session.spatial.torn is None:
+        assert session.spatial.stress_ratio >= 0.999 * seen
+        seen, lift = session.spatial.stress_ratio, lift + 0.25
         assert lift < 60.0
         session.move_hand(0, start + np.array([0.0, 0.0, lift]))
         session.advance()

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import KDTree
-from simulated import phantom, pull, settle, tear
+from simulated import bed_session, phantom, pull, pull_session, settle, tear
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.pull_export import PullExport
 from app.simulation import Session, Specimen, preset_named
-from app.simulation.bed import BedSession
 from app.trainer.client.client_state import EXPORT_VERTICES as VERTICES
 from app.trainer.pages.dissection_files import run_download
 from app.trainer.pages.downloads import SUFFIXES, download, export_on_screen
@@ -26,10 +25,10 @@ from physics import Cubic, Exact
 
 def session(preset: str = "thesis-bile-duct") -> Session:
     """A duct by another theory than the first, with a grasp and threshold of its own."""
-    found = Session(phantom(), preset_named(preset), vertices=300, seed=5)
+    found = pull_session(phantom(), preset_named(preset), vertices=300, seed=5)
     found.choose_theory(Exact())
-    found.set_grasp(0.4 * found.duct.dissection.beam.span)
-    found.set_threshold(1.2 * found.duct.threshold)
+    found.set_grasp(0.4 * found.tissue.dissection.beam.span)
+    found.set_threshold(1.2 * found.planar.threshold)
     found.advance(30)
     return found
 
@@ -51,16 +50,20 @@ def vtp(content: bytes) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("preset", ["thesis-bile-duct", "porcine-bile-duct"])
 def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
     shown = session(preset)
-    pull(shown, 0.3 * shown.duct.force_limit)
+    pull(shown, 0.3 * shown.planar.force_limit)
     order, reading = export_on_screen(shown, VERTICES), shown.reading()
-    assert order.dissection.organ is shown.duct.dissection.organ
-    assert order.dissection.preset == shown.duct.dissection.preset
+    assert order.dissection.organ is shown.tissue.dissection.organ
+    assert order.dissection.preset == shown.tissue.dissection.preset
     assert order.theory.name == Exact().name
     assert order.force is not None
-    beam = shown.duct.dissection.beam
-    pulled = order.theory.pull(beam, shown.duct.grasp).to_force(order.force)
+    beam = shown.tissue.dissection.beam
+    pulled = order.theory.pull(beam, shown.planar.grasp).to_force(order.force)
     assert pulled.deflection == pytest.approx(reading.deflection, rel=1e-6)
-    assert (order.grasp, order.threshold, order.seed) == (shown.duct.grasp, shown.duct.threshold, 5)
+    assert (order.grasp, order.threshold, order.seed) == (
+        shown.planar.grasp,
+        shown.tissue.threshold,
+        5,
+    )
     assert order.force == reading.force > 0.0
     assert not order.torn
     assert order.break_event is not None
@@ -70,22 +73,22 @@ def test_an_order_is_the_duct_as_it_is_pulled(preset: str) -> None:
 
 def test_a_hand_s_pull_is_the_force_that_the_beam_answers_with() -> None:
     shown = session()
-    shown.grab(20.0)
-    shown.move_hand(5.0)
+    shown.grab(0, 20.0)
+    shown.lift(5.0)
     settle(shown)
     order = export_on_screen(shown, VERTICES)
     assert order.grasp == 20.0
     assert order.force is not None
     assert order.force == shown.reading().force > 0.0
-    beam = shown.duct.dissection.beam
+    beam = shown.tissue.dissection.beam
     again = order.theory.pull(beam, 20.0).to_force(order.force)
     assert again.deflection == pytest.approx(5.0, rel=1e-6)
 
 
 def test_a_duct_that_springs_back_is_held_where_it_is() -> None:
     shown = session()
-    shown.grab(20.0)
-    shown.move_hand(5.0)
+    shown.grab(0, 20.0)
+    shown.lift(5.0)
     settle(shown)
     shown.release()
     shown.advance()
@@ -93,7 +96,7 @@ def test_a_duct_that_springs_back_is_held_where_it_is() -> None:
     assert reading.force == 0.0
     assert 0.0 < reading.deflection < 5.0
     assert order.force is not None
-    held = order.theory.pull(shown.duct.dissection.beam, 20.0).to_force(order.force)
+    held = order.theory.pull(shown.tissue.dissection.beam, 20.0).to_force(order.force)
     assert held.deflection == pytest.approx(reading.deflection, rel=1e-6)
 
 
@@ -108,7 +111,7 @@ def test_a_mesh_has_about_as_many_vertices_as_it_may() -> None:
 
 def test_still_meshes_are_the_duct_as_it_is() -> None:
     shown = session()
-    pull(shown, 0.3 * shown.duct.force_limit)
+    pull(shown, 0.3 * shown.planar.force_limit)
     reading = shown.reading()
     mesh = trimesh.load(io.BytesIO(download(shown, ".stl", VERTICES).content), file_type="stl")
     assert isinstance(mesh, trimesh.Trimesh)
@@ -150,7 +153,7 @@ def test_what_moves_goes_to_the_force_or_over_the_break(torn: bool) -> None:
     if torn:
         tear(shown)
     else:
-        pull(shown, 0.3 * shown.duct.force_limit)
+        pull(shown, 0.3 * shown.planar.force_limit)
     order = export_on_screen(shown, VERTICES)
     end = None if torn else order.force
     moving = replace(order, force=end, torn=False)
@@ -168,12 +171,12 @@ def test_a_page_at_rest_goes_over_the_break() -> None:
 
 
 def test_a_duct_that_does_not_break_is_pulled_as_far_as_the_grasper_can() -> None:
-    shown = Session(phantom(), preset_named("thesis-rubber"), vertices=300)
-    shown.set_threshold(shown.duct.threshold_range[1])
+    shown = pull_session(phantom(), preset_named("thesis-rubber"), vertices=300)
+    shown.set_threshold(shown.planar.threshold_range[1])
     shown.advance(30)
     order = export_on_screen(shown, VERTICES)
     rows = list(csv.reader(io.StringIO(download(shown, ".csv", VERTICES).content.decode())))
-    end = shown.duct.force_limit if order.break_event is None else order.break_event.force
+    end = shown.planar.force_limit if order.break_event is None else order.break_event.force
     assert float(rows[-1][0]) == pytest.approx(end, rel=1e-8)
 
 
@@ -188,7 +191,7 @@ def test_the_organ_file_is_the_organ() -> None:
 def test_an_organ_of_no_file_and_unknown_kinds_are_refused() -> None:
     organ = phantom()
     other = Organ(organ.axis, organ.frames, organ.keys, organ.outer, name="../a b/\u00fc")
-    shown = Session(other, vertices=300)
+    shown = pull_session(other, vertices=300)
     with pytest.raises(ValueError, match="built from images"):
         download(shown, ".organ", VERTICES)
     assert download(shown, ".csv", VERTICES).name == "a_b.csv"
@@ -202,8 +205,8 @@ def test_an_organ_of_no_file_and_unknown_kinds_are_refused() -> None:
 def test_content_is_what_is_written(suffix: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     shown = session()
     order = PullExport(
-        Specimen(shown.duct.dissection.preset, phantom(), theory=Cubic()),
-        shown.duct.grasp,
+        Specimen(shown.tissue.dissection.preset, phantom(), theory=Cubic()),
+        shown.planar.grasp,
         force=1.0,
         frames=4,
         edge_length=2.0,
@@ -217,7 +220,7 @@ def test_content_is_what_is_written(suffix: str, tmp_path_factory: pytest.TempPa
 
 @pytest.mark.parametrize("lift", [8.0, 40.0], ids=["whole", "torn"])
 def test_a_dissection_is_written_as_it_went_and_as_it_is_at_its_end(lift: float) -> None:
-    shown = BedSession(phantom(), vertices=300)
+    shown = bed_session(phantom(), vertices=300)
     place = shown.grab(0, 20.0)
     assert place is not None
     shown.move_hand(0, place + np.array([0.0, 0.0, lift]))
@@ -235,11 +238,11 @@ def test_a_dissection_is_written_as_it_went_and_as_it_is_at_its_end(lift: float)
     assert solid.body_count == (1 if reading.torn_at is None else 2)
     with ZipFile(io.BytesIO(file(".zip"))) as packed:
         surface, strands = (vtp(packed.read(name)) for name in packed.namelist())
-    total = surface["total_stress_MPa"].max() / shown.duct.threshold
-    assert total == pytest.approx(reading.stress_share, abs=0.05)
+    total = surface["total_stress_MPa"].max() / shown.tissue.threshold
+    assert total == pytest.approx(reading.stress_ratio, abs=0.05)
     # Whole strands end at the surface, wherever it or its pieces have come to lie (but for the
     # rim of a tear, which opens).
-    ends = strands["points"].reshape(-1, 2, 3)[: reading.strands - reading.parted, 1]
+    ends = strands["points"].reshape(-1, 2, 3)[: reading.strands - reading.broken, 1]
     away, _ = KDTree(surface["points"]).query(ends)
     assert np.median(away) < 0.3
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import msgspec
 import pytest
-from simulated import phantom, replayed, settle
+from simulated import phantom, pull_session, replayed, settle
 
 from app.simulation import (
     CAREFUL,
@@ -25,7 +25,7 @@ from app.simulation import (
 )
 from app.simulation.exercise import LeastImpulse, feedback_visible
 from app.simulation.measures import MeasureTaker
-from app.simulation.scripted_hand import CLUMSY, HASTY, Manner
+from app.simulation.scripted_pull import CLUMSY, HASTY, Manner
 from app.simulation.trial import Trial, trial_of
 from organ_geometry.organ import Organ
 from physics import BreakEvent, Exact, RuptureCheck, TautString, Theory
@@ -67,7 +67,7 @@ def taken(exercise: Exercise, *series: Tick) -> Trial:
     taker = MeasureTaker(1.0, exercise.band)
     trial = trial_of(exercise, taker)
     for each in series:
-        taker.take(
+        taker.add(
             each.force,
             (0.0, 0.0, each.deflection),
             each.distance,
@@ -236,8 +236,8 @@ DUCTS = [*presets(), "own organ"]
 
 def session_on(duct: str) -> Session:
     if duct == "own organ":
-        return Session(own_organ(), vertices=300)
-    return Session(phantom(), preset_named(duct), vertices=300)
+        return pull_session(own_organ(), vertices=300)
+    return pull_session(phantom(), preset_named(duct), vertices=300)
 
 
 HANDS = {"careful": CAREFUL, "hasty": HASTY, "clumsy": CLUMSY}
@@ -293,13 +293,13 @@ def test_limits_follow_from_the_duct_s_own_break(duct: str) -> None:
     assert hold.deflection_mm == pytest.approx(0.6 * event.deflection)
     assert hold.force_limit_N < event.force
     # Half of the strength in the band's middle, two thirds of it at the limit.
-    session.grab(session.duct.grasp)
-    session.move_hand(0.5 * (gentle.low_mm + gentle.high_mm))
+    session.grab(0, session.planar.grasp)
+    session.lift(0.5 * (gentle.low_mm + gentle.high_mm))
     settle(session)
     reading = session.reading()
     assert reading.check.distance_to_break == pytest.approx(0.5, abs=1e-6)
     assert reading.force == pytest.approx(gentle.mean_force_limit_N, rel=1e-6)
-    session.move_hand(gentle.high_mm * (1.0 + gentle.overshoot_limit / 1.08))
+    session.lift(gentle.high_mm * (1.0 + gentle.overshoot_limit / 1.08))
     settle(session)
     reading = session.reading()
     assert reading.check.distance_to_break == pytest.approx(gentle.reserve_limit, abs=1e-6)
@@ -328,22 +328,22 @@ def test_nothing_but_the_hand_counts_in_an_exercise() -> None:
     assert event is not None
     for exercise in (hold, approach, gentle):
         session.start_exercise(exercise)
-        session.set_target_force(session.duct.force_limit)
+        session.set_target_force(session.planar.force_limit)
         session.set_grasp(12.0)
-        session.set_threshold(2.0 * session.duct.threshold)
+        session.set_threshold(2.0 * session.tissue.threshold)
         session.advance(30)
         assert not session.run.started
         assert session.reading().force == 0.0
-        assert (session.duct.grasp, session.duct.threshold) == (
+        assert (session.planar.grasp, session.tissue.threshold) == (
             25.4,
             pytest.approx(0.2115, abs=1e-4),
         )
         # Nor while the hand holds it.
-        session.grab(25.4)
-        session.move_hand(1.0)
+        session.grab(0, 25.4)
+        session.lift(1.0)
         settle(session)
         held = session.reading()
-        session.set_target_force(session.duct.force_limit)
+        session.set_target_force(session.planar.force_limit)
         session.set_grasp(12.0)
         session.advance(30)
         assert session.reading() == held
@@ -384,11 +384,11 @@ def test_the_goal_is_seen_where_the_hand_holds_until_the_exercise_is_over() -> N
         assert session.goal == exercise.band
     session.start_exercise(approach)
     for grasp in (25.4, 15.0):
-        session.grab(grasp)
+        session.grab(0, grasp)
         session.advance()
         band = session.goal
         assert band is not None
-        session.move_hand(band[0] + 1e-6)
+        session.lift(band[0] + 1e-6)
         settle(session)
         distance = session.reading().check.distance_to_break
         assert distance == pytest.approx(approach.margin, abs=1e-5)
@@ -420,46 +420,46 @@ def test_earlier_tries_are_those_of_the_same_task_in_this_session() -> None:
 
 
 def test_an_exercise_s_clock_waits_for_the_first_pull() -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     session.start_exercise(exercises(session)[1])
     session.advance(300)
     assert session.run.seconds == 0.0
-    session.grab(25.4)
-    session.move_hand(3.0)
+    session.grab(0, 25.4)
+    session.lift(3.0)
     session.advance(30)
     assert session.run.seconds == pytest.approx(1.0)
     assert session.run.progress > 0.0
 
 
 def test_an_exercise_keeps_its_numbers_and_its_grasp_wherever_the_hand_takes_hold() -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     hold, *_ = offered = exercises(session)
-    middle = session.duct.grasp
+    middle = session.planar.grasp
     for place in (middle + 8.0, middle - 5.0):
         session.start_exercise(hold)
-        session.grab(place)
-        session.move_hand(hold.deflection_mm)
+        session.grab(0, place)
+        session.lift(hold.deflection_mm)
         go(session)
-        assert session.duct.grasp == place
+        assert session.planar.grasp == place
         assert session.task_grasp == middle
         assert session.exercises_offered() == offered  # the same task as before
     session.release()
     settle(session)
     assert session.exercises_offered() == offered
     session.reset()
-    assert session.duct.grasp == session.task_grasp == middle
+    assert session.planar.grasp == session.task_grasp == middle
     # A grasp that is asked for after the result is the next exercise's.
     session.start_exercise(hold)
-    session.grab(middle + 8.0)
+    session.grab(0, middle + 8.0)
     session.finish()
     session.set_grasp(12.0)
     assert session.task_grasp == 12.0
     assert session.exercises_offered() != offered
     session.reset()
-    assert session.duct.grasp == 12.0
+    assert session.planar.grasp == 12.0
     # That of an earlier run can be started from again.
     session.start_exercise(hold, grasp=middle)
-    assert session.duct.grasp == session.task_grasp == middle
+    assert session.planar.grasp == session.task_grasp == middle
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from program import refused, run
 
-from app.simulation import OrganBeam, organ_beam, preset_named, read_preset
-from app.simulation.bed import bed_named
+from app.simulation import OrganBeam, bed_named, organ_beam, preset_named, read_preset
 from app.study.bed_fit import fit_bed
 from app.study.beds import lift
 from app.study.curves import Curve, read_curves

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 import pytest
-from simulated import phantom, pull, settle, tear
+from simulated import phantom, pull, pull_session, settle, tear
 
 from app.simulation import TICK_SECONDS, Load, Session, SwingingChain, preset_named, presets
 from app.simulation.comparison import SWINGS_PER_SECOND
@@ -23,7 +23,7 @@ from physics.cubic import CubicPull
 
 @pytest.fixture
 def session() -> Session:
-    return Session(phantom(), vertices=600)
+    return pull_session(phantom(), vertices=600)
 
 
 def test_a_ghost_bears_the_same_force_and_says_by_how_much_it_differs(session: Session) -> None:
@@ -32,24 +32,24 @@ def test_a_ghost_bears_the_same_force_and_says_by_how_much_it_differs(session: S
     pull(session, 1.5)
     own, ghost = session.reading(), session.ghost_reading()
     assert ghost is not None
-    beam = session.duct.dissection.beam
+    beam = session.tissue.dissection.beam
     exact = Exact().pull(beam, 20.0).to_force(1.5).deflection
     assert ghost.force == pytest.approx(1.5, rel=1e-9)
     assert ghost.force_difference == pytest.approx(0.0, abs=1e-9)
     assert ghost.deflection == pytest.approx(exact, rel=1e-9)
     assert ghost.deflection_difference == pytest.approx(exact - own.deflection, rel=1e-9)
-    threshold = session.duct.dissection.preset.threshold(Exact(), beam)
+    threshold = session.tissue.dissection.preset.threshold(Exact(), beam)
     assert ghost.check.threshold == pytest.approx(threshold)
 
 
 def test_a_ghost_in_hand_has_the_same_deflection_and_another_force(session: Session) -> None:
     session.choose_ghost(TautString())
-    session.grab(25.4)
-    session.move_hand(6.0)
+    session.grab(0, 25.4)
+    session.lift(6.0)
     settle(session)
     ghost = session.ghost_reading()
     assert ghost is not None
-    beam = session.duct.dissection.beam
+    beam = session.tissue.dissection.beam
     string = TautString().pull(beam, 25.4).to_deflection(6.0).force
     assert ghost.deflection == 6.0
     assert ghost.force == pytest.approx(string)
@@ -74,14 +74,14 @@ class EndingPull(CubicPull):
 
 
 def test_a_ghost_whose_theory_ends_says_nothing_and_comes_back(session: Session) -> None:
-    session.set_threshold(session.duct.threshold_range[1])
+    session.set_threshold(session.planar.threshold_range[1])
     session.choose_ghost(Ending())
-    session.grab(25.4)
-    session.move_hand(14.0)
+    session.grab(0, 25.4)
+    session.lift(14.0)
     settle(session)
     assert session.reading().deflection == 14.0
     assert session.ghost_reading() is None
-    session.move_hand(12.0)
+    session.lift(12.0)
     settle(session)
     ghost = session.ghost_reading()
     assert ghost is not None
@@ -95,22 +95,22 @@ def test_a_ghost_of_the_same_theory_lies_on_the_duct_to_the_bit(session: Session
     drawn = session.ghost.surface
     assert drawn.vertices.tobytes() == session.drawn.surfaces[0].vertices.tobytes()
     assert drawn.name == "ghost"
-    axis, driving = session.ghost.axis, session.duct.dissection.driving
-    assert np.abs((axis - driving.positions) @ session.duct.dissection.frame[:, 1]).max() < 1e-12
-    middle = int(np.argmin(np.abs(session.duct.dissection.beam_stations - 25.4)))
-    lifted = (axis - driving.positions)[middle] @ session.duct.dissection.frame[:, 2]
+    axis, driving = session.ghost.axis, session.tissue.dissection.driving
+    assert np.abs((axis - driving.positions) @ session.tissue.dissection.frame[:, 1]).max() < 1e-12
+    middle = int(np.argmin(np.abs(session.tissue.dissection.beam_stations - 25.4)))
+    lifted = (axis - driving.positions)[middle] @ session.tissue.dissection.frame[:, 2]
     assert lifted == pytest.approx(session.reading().deflection, rel=1e-3)
 
 
 def test_a_ghost_changes_nothing_of_the_run_it_haunts() -> None:
     found = []
     for theory in (None, Exact()):
-        session = Session(phantom(), vertices=300)
+        session = pull_session(phantom(), vertices=300)
         session.choose_ghost(theory)
-        session.grab(20.0)
-        session.move_hand(7.0)
+        session.grab(0, 20.0)
+        session.lift(7.0)
         session.advance(40)
-        found.append((session.reading(), session.measures()))
+        found.append((session.reading(), session.metrics()))
     assert found[0] == found[1]
 
 
@@ -124,7 +124,7 @@ def test_a_ghost_goes_with_the_tear_and_follows_to_another_duct(session: Session
     pull(session, 1.0)
     ghost = session.ghost_reading()
     assert ghost is not None
-    exact = Exact().pull(session.duct.dissection.beam, 25.4).to_force(1.0).deflection
+    exact = Exact().pull(session.tissue.dissection.beam, 25.4).to_force(1.0).deflection
     assert ghost.deflection == pytest.approx(exact, rel=1e-9)
     session.choose_ghost(None)
     assert session.ghost is None
@@ -132,7 +132,7 @@ def test_a_ghost_goes_with_the_tear_and_follows_to_another_duct(session: Session
 
 @pytest.mark.parametrize("name", list(presets()))
 def test_the_chain_swings_and_settles_where_the_theory_of_the_chain_does(name: str) -> None:
-    session = Session(phantom(), preset_named(name), vertices=300)
+    session = pull_session(phantom(), preset_named(name), vertices=300)
     session.show_chain(True)
     event = session.reading().breaks_at
     assert event is not None
@@ -148,7 +148,7 @@ def test_the_chain_swings_and_settles_where_the_theory_of_the_chain_does(name: s
     rest = ways[-1]
     settled = (
         MassSpring(nodes=21)
-        .pull(session.duct.dissection.beam, 0.5 * session.duct.dissection.beam.span)
+        .pull(session.tissue.dissection.beam, 0.5 * session.tissue.dissection.beam.span)
         .to_force(0.5 * event.force)
         .deflection
     )
@@ -158,12 +158,12 @@ def test_the_chain_swings_and_settles_where_the_theory_of_the_chain_does(name: s
     assert places.shape == (21, 3)
     assert np.all(places[:, 1] == 0.0)
     assert places[0] == pytest.approx(0.0)
-    assert places[-1] == pytest.approx([session.duct.dissection.beam.span, 0.0, 0.0])
+    assert places[-1] == pytest.approx([session.tissue.dissection.beam.span, 0.0, 0.0])
     assert places[:, 2].max() == pytest.approx(rest, rel=1e-9)
 
 
 def test_a_small_swing_has_the_period_that_it_is_slowed_to(session: Session) -> None:
-    chain = SwingingChain(session.duct.dissection.beam, 25.4)
+    chain = SwingingChain(session.tissue.dissection.beam, 25.4)
     assert chain.slowed > 10.0
     chain.start_from(0.02)
     ways = []
@@ -177,13 +177,15 @@ def test_a_small_swing_has_the_period_that_it_is_slowed_to(session: Session) -> 
 
 def test_the_chain_is_led_by_a_hand_and_set_anew_for_another_grasp(session: Session) -> None:
     session.show_chain(True)
-    session.grab(15.0)
-    session.move_hand(4.0)
+    session.grab(0, 15.0)
+    session.lift(4.0)
     settle(session)
     assert session.chain is not None
     assert session.chain.grasp == 15.0
     assert session.chain.deflection == pytest.approx(4.0)
-    settled = MassSpring(nodes=21).pull(session.duct.dissection.beam, 15.0).to_deflection(4.0).force
+    settled = (
+        MassSpring(nodes=21).pull(session.tissue.dissection.beam, 15.0).to_deflection(4.0).force
+    )
     assert session.chain.force == pytest.approx(settled, rel=0.02)
     session.release()
     settle(session)
@@ -198,12 +200,12 @@ def test_the_chain_is_led_by_a_hand_and_set_anew_for_another_grasp(session: Sess
 
 def test_the_chain_never_runs_away(session: Session) -> None:
     session.show_chain(True)
-    session.set_threshold(session.duct.threshold_range[1])
+    session.set_threshold(session.planar.threshold_range[1])
     random = np.random.default_rng(3)
     for _ in range(60):
-        session.set_target_force(float(random.random()) * session.duct.force_limit)
+        session.set_target_force(float(random.random()) * session.planar.force_limit)
         session.advance(int(random.integers(1, 6)))
         if session.chain is None:
             return
         assert np.isfinite(session.chain.places).all()
-        assert math.fabs(session.chain.deflection) < session.duct.dissection.beam.span
+        assert math.fabs(session.chain.deflection) < session.tissue.dissection.beam.span

@@ -1,12 +1,13 @@
 """The hand: it sets the displacement, the beam answers with the force."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated import phantom, pull, settle, tear
+from simulated import phantom, pull, pull_session, settle, tear
 
 from app.simulation import TICK_SECONDS, Clock, Grasper, Phase, Session, preset_named, presets
 from app.simulation.grasper import HAND_SPEED
@@ -16,21 +17,21 @@ from physics import Cubic, Exact
 
 @pytest.fixture
 def session() -> Session:
-    return Session(phantom(), vertices=300)
+    return pull_session(phantom(), vertices=300)
 
 
 def lead(session: Session, deflection: float) -> None:
-    session.move_hand(deflection)
+    session.lift(deflection)
     settle(session)
 
 
 @pytest.mark.parametrize("label", list(OFFERED_THEORIES))
 def test_the_hand_and_the_slider_come_to_the_same_states(label: str) -> None:
-    slid, led = Session(phantom(), vertices=300), Session(phantom(), vertices=300)
+    slid, led = pull_session(phantom(), vertices=300), pull_session(phantom(), vertices=300)
     for each in (slid, led):
         each.choose_theory(OFFERED_THEORIES[label])
     slid.set_grasp(20.0)
-    led.grab(20.0)
+    led.grab(0, 20.0)
     for force in (0.4, 1.1):
         pull(slid, force)
         lead(led, slid.reading().deflection)
@@ -46,32 +47,32 @@ def test_the_hand_and_the_slider_come_to_the_same_states(label: str) -> None:
 
 def test_the_beam_answers_with_the_theory_s_force(session: Session) -> None:
     session.choose_theory(Exact())
-    session.grab(18.0)
+    session.grab(0, 18.0)
     lead(session, 5.0)
     reading = session.reading()
     assert reading.deflection == 5.0
     assert reading.force == pytest.approx(
-        Exact().pull(session.duct.dissection.beam, 18.0).to_deflection(5.0).force
+        Exact().pull(session.tissue.dissection.beam, 18.0).to_deflection(5.0).force
     )
-    assert session.grasper.slider_force == reading.force
-    rest = session.duct.dissection.axis_point(18.0) - session.duct.dissection.axis_point(0.0)
-    assert reading.hook[2] == pytest.approx(5.0 + rest @ session.duct.dissection.frame[:, 2])
+    assert session.planar.grasper.slider_force == reading.force
+    rest = session.tissue.dissection.axis_point(18.0) - session.tissue.dissection.axis_point(0.0)
+    assert reading.hook[2] == pytest.approx(5.0 + rest @ session.tissue.dissection.frame[:, 2])
 
 
 def test_a_hook_pulls_and_does_not_push(session: Session) -> None:
-    session.grab(25.4)
-    session.move_hand(4.0)
+    session.grab(0, 25.4)
+    session.lift(4.0)
     settle(session)
     assert session.reading().deflection == 4.0
-    session.move_hand(-9.0)
+    session.lift(-9.0)
     settle(session)
     assert session.reading().deflection == 0.0
 
 
 def test_the_hand_never_outruns_its_speed_and_arrives_without_a_jolt(session: Session) -> None:
-    session.set_threshold(session.duct.threshold_range[1])
-    session.grab(25.4)
-    session.move_hand(12.0)
+    session.set_threshold(session.planar.threshold_range[1])
+    session.grab(0, 25.4)
+    session.lift(12.0)
     ways = [0.0]
     while session.advance():
         ways.append(session.reading().deflection)
@@ -109,7 +110,7 @@ def test_the_follower_is_a_critically_damped_spring_in_closed_form() -> None:
 
 
 def test_let_go_it_springs_back_quickly_and_damped(session: Session) -> None:
-    session.grab(25.4)
+    session.grab(0, 25.4)
     lead(session, 8.0)
     session.release()
     swing = []
@@ -137,7 +138,7 @@ def test_let_go_it_springs_back_quickly_and_damped(session: Session) -> None:
 def test_what_holds_may_change_without_the_duct_moving(session: Session) -> None:
     pull(session, 2.0)
     slid = session.reading()
-    session.grab(session.duct.grasp)
+    session.grab(0, session.planar.grasp)
     settle(session)
     assert session.reading().deflection == slid.deflection
     assert session.reading().force == pytest.approx(2.0, rel=1e-9)
@@ -150,13 +151,13 @@ def test_what_holds_may_change_without_the_duct_moving(session: Session) -> None
     session.advance()
     session.advance()
     caught = session.reading().deflection
-    session.grab(session.duct.grasp)
+    session.grab(0, session.planar.grasp)
     settle(session)
     assert session.reading().deflection == max(caught, 0.0)
 
 
 def test_another_grasp_takes_the_duct_by_hand_as_it_is_there(session: Session) -> None:
-    session.grab(25.4)
+    session.grab(0, 25.4)
     lead(session, 8.0)
     session.set_grasp(8.0)
     settle(session)
@@ -166,19 +167,19 @@ def test_another_grasp_takes_the_duct_by_hand_as_it_is_there(session: Session) -
 
 
 def test_what_nobody_holds_tears_nowhere(session: Session) -> None:
-    session.grab(25.4)
+    session.grab(0, 25.4)
     lead(session, 12.0)
     session.release()
     session.advance(2)
     session.set_grasp(6.0)
-    session.set_threshold(session.duct.threshold_range[0])
+    session.set_threshold(session.planar.threshold_range[0])
     settle(session)
     assert session.reading().deflection == 0.0
     assert session.reading().phase is Phase.INTACT
 
 
 def test_a_duct_caught_past_rest_is_pulled_and_not_pushed(session: Session) -> None:
-    session.grab(25.4)
+    session.grab(0, 25.4)
     lead(session, 8.0)
     session.release()
     while session.reading().deflection >= 0.0:
@@ -194,28 +195,29 @@ def test_a_grab_takes_the_duct_as_far_out_as_it_is_there(session: Session) -> No
     pull(session, 2.0)
     across = np.interp(
         15.0,
-        session.duct.dissection.beam_stations,
+        session.tissue.dissection.beam_stations,
         Cubic()
-        .pull(session.duct.dissection.beam, 25.4)
+        .pull(session.tissue.dissection.beam, 25.4)
         .to_force(2.0)
-        .sample(session.duct.dissection.beam_stations)
+        .sample(session.tissue.dissection.beam_stations)
         .across,
     )
-    taken = session.grab(15.0)
-    assert taken == pytest.approx(across, rel=1e-9)
+    taken = session.grab(0, 15.0)
+    assert taken is not None
+    assert taken[2] == pytest.approx(across, rel=1e-9)
     settle(session)
-    assert session.reading().deflection == taken
-    assert session.duct.grasp == 15.0
-    assert session.grab(math.nan) is None
+    assert session.reading().deflection == taken[2]
+    assert session.planar.grasp == 15.0
+    assert session.grab(0, math.nan) is None
 
 
 @pytest.mark.parametrize("name", list(presets()))
 def test_a_hand_tears_every_duct_at_the_deflection_between_two_ticks(name: str) -> None:
-    session = Session(phantom(), preset_named(name), vertices=300)
+    session = pull_session(phantom(), preset_named(name), vertices=300)
     event = session.reading().breaks_at
     assert event is not None
-    session.grab(session.duct.grasp)
-    lead(session, session.duct.deflection_limit)
+    session.grab(0, session.planar.grasp)
+    lead(session, session.planar.deflection_limit)
     reading = session.reading()
     assert reading.phase is Phase.TORN
     assert reading.breaks_at is not None
@@ -227,33 +229,34 @@ def test_a_hand_tears_every_duct_at_the_deflection_between_two_ticks(name: str) 
 def test_a_torn_duct_takes_no_hand(session: Session) -> None:
     tear(session)
     before = session.reading()
-    session.grab(20.0)
-    session.move_hand(5.0)
+    session.grab(0, 20.0)
+    session.lift(5.0)
     session.release()
     settle(session)
     assert session.reading() == before
 
 
 def test_a_hand_that_holds_nothing_moves_nothing(session: Session) -> None:
-    session.move_hand(5.0)
+    session.lift(5.0)
     session.release()
     settle(session)
     assert session.reading().deflection == 0.0
     assert session.run.seconds == 0.0
 
 
-@given(st.floats(allow_nan=True, allow_infinity=True), st.sampled_from(["grab", "move_hand"]))
+@given(st.floats(allow_nan=True, allow_infinity=True), st.sampled_from(["grab", "lift"]))
 @settings(deadline=None, max_examples=30)
 def test_any_number_for_the_hand_is_clamped_or_ignored(value: float, name: str) -> None:
-    session = Session(phantom(), vertices=300)
-    session.grab(20.0)
-    getattr(session, name)(value)
+    session = pull_session(phantom(), vertices=300)
+    session.grab(0, 20.0)
+    take = partial(session.grab, 0)
+    {"grab": take, "lift": session.lift}[name](value)
     settle(session)
-    low, high = session.duct.grasp_range
-    assert low <= session.duct.grasp <= high
+    low, high = session.planar.grasp_range
+    assert low <= session.planar.grasp <= high
     reading = session.reading()
     assert math.isfinite(reading.force)
-    assert 0.0 <= reading.deflection <= session.duct.deflection_limit
+    assert 0.0 <= reading.deflection <= session.planar.deflection_limit
 
 
 INPUTS = st.lists(
@@ -262,7 +265,7 @@ INPUTS = st.lists(
             [
                 "set_target_force",
                 "grab",
-                "move_hand",
+                "lift",
                 "release",
                 "set_grasp",
                 "set_threshold",
@@ -281,18 +284,20 @@ INPUTS = st.lists(
 def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(
     inputs: list[tuple[str, float, int]],
 ) -> None:
-    session = Session(phantom(), vertices=300)
-    most = 4.0 * session.duct.force_limit  # a hand may pull harder than the slider
+    session = pull_session(phantom(), vertices=300)
+    most = 4.0 * session.planar.force_limit  # a hand may pull harder than the slider
     torn = False
     for name, part, ticks in inputs:
         scale = {
-            "set_target_force": session.duct.force_limit,
-            "grab": session.duct.dissection.beam.span,
-            "move_hand": session.duct.deflection_limit,
-            "set_grasp": session.duct.dissection.beam.span,
-            "set_threshold": session.duct.threshold_range[1],
+            "set_target_force": session.planar.force_limit,
+            "grab": session.tissue.dissection.beam.span,
+            "lift": session.planar.deflection_limit,
+            "set_grasp": session.tissue.dissection.beam.span,
+            "set_threshold": session.planar.threshold_range[1],
         }
-        if name in scale:
+        if name == "grab":
+            session.grab(0, part * scale[name])
+        elif name in scale:
             getattr(session, name)(part * scale[name])
         else:
             getattr(session, name)()
@@ -309,18 +314,18 @@ def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(
             elif not torn:
                 torn = True
                 assert session.drawn.shape == shape + 1
-                assert session.measures().tear is not None
+                assert session.metrics()["tear"] is not None
             else:
                 assert session.drawn.shape == shape
     vertices = [surface.vertices for surface in session.drawn.surfaces]
     assert all(np.isfinite(each).all() for each in vertices)
-    measures = session.measures()
-    assert measures.maximum_force_N <= most
-    assert measures.time_over_threshold_s <= measures.time_s
+    measures = session.metrics()
+    assert measures["maximum_force_N"] <= most
+    assert measures["time_over_threshold_s"] <= measures["time_s"]
 
 
 def test_idle_ticks_solve_nothing(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    session.grab(25.4)
+    session.grab(0, 25.4)
     lead(session, 5.0)
 
     def solve(*_: object) -> None:
@@ -345,10 +350,10 @@ def test_uneven_real_time_comes_to_even_ticks() -> None:
 def test_the_same_inputs_at_the_same_ticks_are_the_same_whatever_the_steps() -> None:
     readings = []
     for most in (1, 2, 7):
-        session = Session(phantom(), vertices=300)
-        session.grab(22.0)
-        session.move_hand(7.0)
+        session = pull_session(phantom(), vertices=300)
+        session.grab(0, 22.0)
+        session.lift(7.0)
         for done in range(0, 42, most):
             session.advance(min(most, 42 - done))
-        readings.append((session.reading(), session.measures()))
+        readings.append((session.reading(), session.metrics()))
     assert readings[0] == readings[1] == readings[2]

@@ -10,7 +10,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 from program import LONGEST
-from simulated import phantom
+from simulated import bed_session, phantom, pull_session
 
 from app.haptics import servo_process
 from app.haptics.device import DeviceError, DeviceOptions, DeviceState
@@ -29,8 +29,7 @@ from app.haptics.servo_process import (
     Snapshot,
 )
 from app.haptics.virtual_device import VirtualDevice
-from app.simulation import TICK_SECONDS, Phase, Replay, Session
-from app.simulation.bed import BedSession
+from app.simulation import TICK_SECONDS, Phase, Replay, bed_named
 from app.trainer.client.client_state import Workers
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
@@ -76,7 +75,7 @@ def said(state: PullState | DissectState) -> list[str]:
 
 
 def pulling() -> PullState:
-    return PullState(MagicMock(), Session(phantom(), vertices=300), cast(Workers, None))
+    return PullState(MagicMock(), pull_session(phantom(), vertices=300), cast(Workers, None))
 
 
 @pytest.fixture
@@ -114,7 +113,7 @@ def test_the_hand_leads_the_session_and_the_run_is_made_again(
     assert not page.session.reading().held
     page.session.finish()
     file = page.session.run_file()
-    assert Replay(Session, file.log, phantom(), vertices=300).run_file().metrics == file.metrics
+    assert Replay(file.log, phantom(), vertices=300).run_file().metrics == file.metrics
 
 
 def test_a_tear_to_the_hand_is_one_in_the_session_and_a_new_duct_is_felt_anew(
@@ -194,7 +193,7 @@ class StepwiseServo(ServoLink):
         pipe = cast(Any, Mailbox())
         row = np.zeros(HEAD + ROW * len(scripts))
         super().__init__(row, pipe)
-        setting = felt_in(Session(phantom(), vertices=300))
+        setting = felt_in(pull_session(phantom(), vertices=300))
         model = setting.model(1.0, settings.period, len(scripts))
         self.loop = ServoLoop(model, settings, self.devices[0].limits, len(scripts))
         self.end = ServoEnd(row, pipe, self.devices)
@@ -219,7 +218,7 @@ class StepwiseServo(ServoLink):
 
 def dissecting(*scripts: HandScript) -> tuple[HapticHand, StepwiseServo, DissectState]:
     servo = StepwiseServo(*scripts)
-    state = DissectState(MagicMock(), BedSession(phantom(), vertices=300), cast(Workers, None))
+    state = DissectState(MagicMock(), bed_session(phantom(), vertices=300), cast(Workers, None))
     return HapticHand(cast(ServoProcess, servo)), servo, state
 
 
@@ -253,23 +252,23 @@ def test_a_device_frees_a_duct_from_its_bed_and_the_run_is_made_again() -> None:
     assert not session.run.started
     dissect(hand, servo, state, 2.25)
     reading, (felt,) = session.reading(), servo.snapshot().hooks
-    assert reading.held == (True, False)
-    assert reading.parted > 100
+    assert reading.holding == (True, False)
+    assert reading.broken > 100
     # What is felt is what is shown, which follows two ticks later.
     assert servo.loop.model.torn is False
     model = cast(Any, servo.loop.model)
-    assert model.parted == pytest.approx(reading.parted, rel=0.02)
+    assert model.parted == pytest.approx(reading.broken, rel=0.02)
     assert np.linalg.norm(felt.force) == pytest.approx(np.linalg.norm(reading.forces[0]), rel=0.05)
-    assert np.linalg.norm(felt.tip - session.duct.hands[0].place) < 0.1
+    assert np.linalg.norm(felt.tip - session.spatial.hands[0].place) < 0.1
     assert servo.largest_change < 0.05  # N in a millisecond
     dissect(hand, servo, state, 1.5)
-    assert session.reading().held == (False, False)
+    assert session.reading().holding == (False, False)
     assert not servo.loop.given.any()
     # Let go: what is felt next begins with what the session has, to the strand.
-    assert cast(Any, servo.loop.model).parted == session.reading().parted
+    assert cast(Any, servo.loop.model).parted == session.reading().broken
     session.finish()
     file = session.run_file()
-    again = Replay(BedSession, file.log, phantom(), vertices=300)
+    again = Replay(file.log, phantom(), vertices=300)
     assert again.run_file().metrics == file.metrics
 
 
@@ -278,14 +277,14 @@ def test_the_mouse_helps_with_the_other_hand_and_the_device_feels_it() -> None:
     hand, servo, state = dissecting(still)
     session = state.session
     dissect(hand, servo, state, 0.5)
-    assert session.reading().held == (True, False)
+    assert session.reading().holding == (True, False)
     # The left hand is the device's, whatever mouse and keys ask for.
     for asked in (
         lambda: state.choose_instrument(0, "swab"),
         lambda: state.let_go(0),
     ):
         asked()
-        assert session.reading().held == (True, False)
+        assert session.reading().holding == (True, False)
     assert said(state)[-2:] == [
         "The hand on the device has this hook (a virtual device).",
         "Release the button of the device.",
@@ -298,20 +297,20 @@ def test_the_mouse_helps_with_the_other_hand_and_the_device_feels_it() -> None:
         dissect(hand, servo, state, 0.1)
     dissect(hand, servo, state, 0.3)
     reading, (felt,) = session.reading(), servo.snapshot().hooks
-    assert reading.held == (True, True)
+    assert reading.holding == (True, True)
     assert reading.forces[0][2] < -0.05  # it holds the duct down
     assert felt.force == pytest.approx(reading.forces[0], abs=0.1 * abs(reading.forces[0][2]))
-    assert cast(Any, servo.loop.model).parted == pytest.approx(reading.parted, rel=0.05)
+    assert cast(Any, servo.loop.model).parted == pytest.approx(reading.broken, rel=0.05)
     assert servo.largest_change < 0.05
     # A dissector parts strands in what is felt as in what is shown.
-    parted = reading.parted
+    parted = reading.broken
     state.choose_instrument(1, "dissector")
-    session.move_hand(1, np.array([12.0, 0.0, session.duct.parking(1, "dissector")[2]]))
+    session.move_hand(1, np.array([12.0, 0.0, session.spatial.parking(1, "dissector")[2]]))
     dissect(hand, servo, state, 0.8)
     state.open_jaws(12.0)
     dissect(hand, servo, state, 1.0)
-    assert session.reading().parted > parted + 30
-    assert cast(Any, servo.loop.model).parted == pytest.approx(session.reading().parted, rel=0.05)
+    assert session.reading().broken > parted + 30
+    assert cast(Any, servo.loop.model).parted == pytest.approx(session.reading().broken, rel=0.05)
 
 
 def test_two_devices_have_both_hands_and_keys_take_the_duct_where_there_is_no_button() -> None:
@@ -324,18 +323,18 @@ def test_two_devices_have_both_hands_and_keys_take_the_duct_where_there_is_no_bu
     hand, servo, state = dissecting(left, right)
     session = state.session
     dissect(hand, servo, state, 0.8)
-    assert session.reading().held == (False, True)
+    assert session.reading().holding == (False, True)
     state.choose_hand(0)
     state.take_or_let_go()
     dissect(hand, servo, state, 1.4)
     reading = session.reading()
-    assert reading.held == (True, True)
-    assert min(reading.forces[:, 2]) > 0.1
+    assert reading.holding == (True, True)
+    assert min(z for _, _, z in reading.forces) > 0.1
     for felt, shown in zip(servo.snapshot().hooks, reading.forces, strict=True):
         assert felt.force == pytest.approx(shown, abs=0.05 * float(np.linalg.norm(shown)))
     state.take_or_let_go()
     dissect(hand, servo, state, 0.2)
-    assert session.reading().held == (False, True)
+    assert session.reading().holding == (False, True)
 
 
 def test_a_device_tears_a_duct_in_its_bed_and_has_no_force_until_there_is_a_new_one() -> None:
@@ -345,7 +344,7 @@ def test_a_device_tears_a_duct_in_its_bed_and_has_no_force_until_there_is_a_new_
         )
     )
     session = state.session
-    state.choose_bed("inflamed", 1)
+    state.choose_bed(bed_named("inflamed"), 1)
     dissect(hand, servo, state, 1.5)
     assert session.reading().torn_at is not None
     assert not servo.loop.given.any()
@@ -360,7 +359,7 @@ def test_a_device_tears_a_duct_in_its_bed_and_has_no_force_until_there_is_a_new_
             switch()
             dissect(hand, servo, state, 0.1)
             assert servo.loop.ended is off
-            assert session.reading().held[0] is not off
+            assert session.reading().holding[0] is not off
 
 
 def test_a_duct_that_tears_to_the_hand_alone_is_felt_again_as_the_page_has_it() -> None:
@@ -386,7 +385,7 @@ def until(true: Callable[[], Any], seconds: float = LONGEST) -> None:
 def test_a_servo_in_its_own_process_feels_what_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("OPEN_SECONDS", "STOP_SECONDS"):  # it may compile, and the machine be busy
         monkeypatch.setattr(servo_process, name, LONGEST)
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     path = (Waypoint(0.3, (0.0, 0.0, 0.0)), Waypoint(1.3, (0.0, 0.0, 9.0)))
     script = HandScript(path=path, hand=SimulatedHand(stiffness_N_per_m=900.0))
     setting = felt_in(session)
@@ -403,10 +402,10 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told(monkeypatch: pytest.Mo
         until(lambda: servo.snapshot().generation == generation)
         assert servo.snapshot().hooks[0].tip[2] < 2.7  # what the hand, freed of it, goes on
         # And a duct in its bed, whose hook is free until a button takes it.
-        bed = BedSession(phantom(), vertices=300)
+        bed = bed_session(phantom(), vertices=300)
         beam, touch = bed.beam_touched_by(1)
-        tips = np.array([bed.duct.hands[0].place])
-        generation = servo.feel(BedSetting(beam, tips, bed.duct.threshold, touch))
+        tips = np.array([bed.spatial.hands[0].place])
+        generation = servo.feel(BedSetting(beam, tips, bed.spatial.threshold, touch))
         until(lambda: servo.snapshot().generation == generation)
         assert servo.snapshot().hooks[0].station is None
         servo.lead(touch, [True])
@@ -425,6 +424,6 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told(monkeypatch: pytest.Mo
 
 
 def test_a_device_that_cannot_be_opened_is_said_in_the_trainers_words() -> None:
-    setting = felt_in(Session(phantom(), vertices=300))
+    setting = felt_in(pull_session(phantom(), vertices=300))
     with pytest.raises(DeviceError, match="unknown device 'spoon'"):
         ServoProcess([("spoon", DeviceOptions("", 0.001))], LoopSettings(), setting)

@@ -88,7 +88,7 @@ def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Loo
             shares = np.random.default_rng(5).uniform(-0.5, 1.5, len(skin.vertices))
             share = np.clip(skin.grid(shares), 0.0, 1.0)
             node = "/organ/skin" if look == "full" else "/organ/skin_stress"
-            viewer = session.duct.dissection.frame @ TOWARDS_VIEWER
+            viewer = session.tissue.dissection.frame @ TOWARDS_VIEWER
             draw(shares)
 
             def lit() -> None:

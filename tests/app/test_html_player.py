@@ -11,8 +11,7 @@ from simulated import phantom
 
 from app.export.bed_export import BedExport
 from app.export.pull_export import PullExport
-from app.simulation import PIECES, SETTLED_SECONDS, Dissection, Specimen, preset_named
-from app.simulation.bed import bed_named
+from app.simulation import PIECES, SETTLED_SECONDS, Dissection, Specimen, bed_named, preset_named
 from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, export_page, page_edge_length
 from app.trainer.viser_bridge.recording import recording_page
 from organ_geometry.mesh.skin import organ_skin

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated import phantom, settle
+from simulated import phantom, pull_session, settle
 
-from app.simulation import TICK_SECONDS, Phase, Replay, Session, loading_rates
+from app.simulation import TICK_SECONDS, Phase, Replay, loading_rates
 from app.simulation.measures import MeasureTaker
 from physics import BreakEvent, Cubic, RuptureCheck
 
@@ -17,7 +17,7 @@ from physics import BreakEvent, Cubic, RuptureCheck
 def taken(forces: list[float], heights: list[float], *, threshold: float = 1.0) -> MeasureTaker:
     taker = MeasureTaker(threshold)
     for force, height in zip(forces, heights, strict=True):
-        taker.take(force, (3.0, 0.0, height), 1.0 - force / 4.0, held=force > 0.0)
+        taker.add(force, (3.0, 0.0, height), 1.0 - force / 4.0, held=force > 0.0)
     return taker
 
 
@@ -100,18 +100,18 @@ def test_no_run_that_is_cut_short_is_smoother_than_a_movement_can_be(
 
 
 def test_a_yank_to_the_tear_has_no_smoothness_and_a_whole_pull_has_one() -> None:
-    session = Session(phantom(), vertices=300)
-    session.set_target_force(session.duct.force_limit)
+    session = pull_session(phantom(), vertices=300)
+    session.set_target_force(session.planar.force_limit)
     while not session.run.over:
         session.advance()
-    assert session.measures().tear is not None
-    assert session.measures().smoothness is None
+    assert session.metrics()["tear"] is not None
+    assert session.metrics()["smoothness"] is None
     settle(session)
     session.reset()
-    session.grab(25.4)
-    session.move_hand(6.0)
+    session.grab(0, 25.4)
+    session.lift(6.0)
     settle(session)
-    smoothness = session.measures().smoothness
+    smoothness = session.metrics()["smoothness"]
     assert smoothness is not None
     assert smoothness < -math.log(204.8)
 
@@ -124,22 +124,22 @@ def test_the_rate_of_loading_is_the_fastest_growth_within_a_tenth_of_a_second_of
     again = taken([1.0, 0.0, 2.0, 2.1], [0.0] * 4)
     assert again.measures().maximum_loading_rate_N_per_s == pytest.approx(1.0)
     again.regrasp()
-    again.take(9.0, (3.0, 0.0, 0.0), 0.5, held=True)
+    again.add(9.0, (3.0, 0.0, 0.0), 0.5, held=True)
     assert again.measures().maximum_loading_rate_N_per_s == pytest.approx(1.0)
 
 
 def test_the_rates_of_a_series_are_those_that_are_measured() -> None:
-    session = Session(phantom(), vertices=300)
-    session.grab(25.4)
+    session = pull_session(phantom(), vertices=300)
+    session.grab(0, 25.4)
     for way in (2.0, 7.0, 4.0, 8.0):
-        session.move_hand(way)
+        session.lift(way)
         session.advance(9)
         if way == 4.0:
             session.release()
             session.advance(4)
-            session.grab(25.4)
+            session.grab(0, 25.4)
     run = session.run_file()
-    rates = loading_rates(Replay(Session, run.log, phantom(), vertices=300).series())
+    rates = loading_rates(Replay(run.log, phantom(), vertices=300).series())
     assert rates.max() == pytest.approx(run.metrics["maximum_loading_rate_N_per_s"], rel=1e-12)
 
 
@@ -147,7 +147,7 @@ def test_an_overshoot_is_the_way_past_the_band_by_its_middle() -> None:
     assert MeasureTaker(1.0).measures().overshoot is None
     taker = MeasureTaker(1.0, (4.0, 6.0))
     for deflection, held in ((3.0, True), (5.9, True), (7.0, True), (6.5, True), (9.0, False)):
-        taker.take(1.0, (0.0, 0.0, deflection), 0.5, held=held, deflection=deflection)
+        taker.add(1.0, (0.0, 0.0, deflection), 0.5, held=held, deflection=deflection)
     assert taker.measures().overshoot == pytest.approx(1.0 / 5.0)
 
 
@@ -159,12 +159,12 @@ def test_a_way_too_small_to_be_squared_has_no_smoothness() -> None:
 def test_the_way_between_two_holds_is_not_part_of_the_path() -> None:
     taker = MeasureTaker(1.0)
     for height in (0.0, 2.0):
-        taker.take(1.0, (0.0, 0.0, height), 0.9, held=True)
-    taker.take(0.0, (0.0, 0.0, 1.0), 0.9, held=False)
+        taker.add(1.0, (0.0, 0.0, height), 0.9, held=True)
+    taker.add(0.0, (0.0, 0.0, 1.0), 0.9, held=False)
     for height in (7.0, 8.0):
-        taker.take(1.0, (9.0, 0.0, height), 0.9, held=True)
+        taker.add(1.0, (9.0, 0.0, height), 0.9, held=True)
     taker.regrasp()
-    taker.take(1.0, (20.0, 0.0, 8.5), 0.9, held=True, came_from=(20.0, 0.0, 8.0))
+    taker.add(1.0, (20.0, 0.0, 8.5), 0.9, held=True, came_from=(20.0, 0.0, 8.0))
     assert taker.measures().path_length_mm == 3.5
 
 
@@ -200,7 +200,7 @@ def test_running_sums_are_those_of_the_whole_series(forces: list[float]) -> None
 
 def test_a_session_s_measures_are_those_of_its_script() -> None:
     """A ramp of load control, by hand: it grows by the same step each tick, then stays."""
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     breaks = session.reading().breaks_at
     assert breaks is not None
     step = breaks.force / 0.75 / 30.0
@@ -208,52 +208,52 @@ def test_a_session_s_measures_are_those_of_its_script() -> None:
     session.advance(30)
     forces = [min(step * tick, 1.0) for tick in range(1, 31)]
     deflections = [
-        Cubic().pull(session.duct.dissection.beam, 25.4).to_force(force).deflection
+        Cubic().pull(session.planar.dissection.beam, 25.4).to_force(force).deflection
         for force in forces
     ]
-    measures = session.measures()
-    assert measures.time_s == 30 * TICK_SECONDS
-    assert measures.maximum_force_N == 1.0
-    assert measures.mean_absolute_nonzero_force_N == pytest.approx(statistics.fmean(forces))
-    assert measures.force_sd_N == pytest.approx(statistics.pstdev(forces))
-    assert measures.force_time_product_N_s == pytest.approx(math.fsum(forces) / 30)
-    assert measures.task_threshold_N == pytest.approx(0.5 * breaks.force)
-    assert measures.time_over_threshold_s == 0.0
+    measures = session.metrics()
+    assert measures["time_s"] == 30 * TICK_SECONDS
+    assert measures["maximum_force_N"] == 1.0
+    assert measures["mean_absolute_nonzero_force_N"] == pytest.approx(statistics.fmean(forces))
+    assert measures["force_sd_N"] == pytest.approx(statistics.pstdev(forces))
+    assert measures["force_time_product_N_s"] == pytest.approx(math.fsum(forces) / 30)
+    assert measures["task_threshold_N"] == pytest.approx(0.5 * breaks.force)
+    assert measures["time_over_threshold_s"] == 0.0
     # Symmetric, so the hook goes straight along the pull from rest.
-    assert measures.path_length_mm == pytest.approx(deflections[-1], rel=1e-9)
-    assert measures.economy_of_motion == pytest.approx(1.0, rel=1e-9)
-    assert measures.smallest_distance_to_break == session.reading().check.distance_to_break
+    assert measures["path_length_mm"] == pytest.approx(deflections[-1], rel=1e-9)
+    assert measures["economy_of_motion"] == pytest.approx(1.0, rel=1e-9)
+    assert measures["smallest_distance_to_break"] == session.reading().check.distance_to_break
 
 
 def test_a_run_starts_with_the_first_pull_and_is_over_with_the_tear() -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     session.set_grasp(20.0)
     session.advance(50)
     assert session.run.seconds == 0.0
-    session.set_target_force(session.duct.force_limit)
+    session.set_target_force(session.planar.force_limit)
     while session.reading().phase is Phase.INTACT:
         assert not session.run.over
         session.advance()
     assert session.run.over
-    measures, event = session.measures(), session.reading().breaks_at
+    measures, event = session.metrics(), session.reading().breaks_at
     assert event is not None
-    assert measures.tear is not None
-    assert measures.tear.force_N == measures.maximum_force_N == event.force
-    assert measures.tear.station_mm == event.check.station
-    assert measures.tear.time_s == measures.time_s
-    assert abs(measures.smallest_distance_to_break) < 1e-9
+    assert measures["tear"] is not None
+    assert measures["tear"]["force_N"] == measures["maximum_force_N"] == event.force
+    assert measures["tear"]["station_mm"] == event.check.station
+    assert measures["tear"]["time_s"] == measures["time_s"]
+    assert abs(measures["smallest_distance_to_break"]) < 1e-9
     settle(session)
-    assert session.measures() == measures
+    assert session.metrics() == measures
     session.reset()
-    assert session.measures().time_s == 0.0
+    assert session.metrics()["time_s"] == 0.0
 
 
 def test_idle_time_under_a_held_force_still_counts() -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     session.set_target_force(1.0)
     settle(session)
-    before = session.measures()
+    before = session.metrics()
     assert not session.advance(30)
-    after = session.measures()
-    assert after.time_s == pytest.approx(before.time_s + 1.0)
-    assert after.force_time_product_N_s == pytest.approx(before.force_time_product_N_s + 1.0)
+    after = session.metrics()
+    assert after["time_s"] == pytest.approx(before["time_s"] + 1.0)
+    assert after["force_time_product_N_s"] == pytest.approx(before["force_time_product_N_s"] + 1.0)

@@ -7,9 +7,9 @@ from unittest.mock import MagicMock
 
 import pytest
 from program import LONGEST
-from simulated import phantom
+from simulated import phantom, pull_session
 
-from app.simulation import ApproachBreak, Session
+from app.simulation import ApproachBreak
 from app.trainer.client.client_state import Workers
 from app.trainer.client.pull_state import PullState
 from app.trainer.stage.lighting import Look
@@ -39,7 +39,7 @@ class View(PullView):
 @pytest.fixture
 def view() -> Iterator[View]:
     workers = Workers()
-    yield View(PullState(MagicMock(), Session(phantom(), vertices=300), workers, "any"))
+    yield View(PullState(MagicMock(), pull_session(phantom(), vertices=300), workers, "any"))
     workers.stop()
 
 
@@ -61,12 +61,12 @@ def test_a_pull_that_goes_on_after_an_exercise_takes_no_result_away(view: View) 
     assert view.shown.wait(LONGEST)
     assert [each.outcome for each in view.results] == [run.outcome]
     assert run.outcome is not None
-    assert view.session.grasper.slider_force == 0.0
+    assert view.session.planar.grasper.slider_force == 0.0
     # From then on a pull begins anew, and nothing is told twice.
     view.state.set_target_force(2.5)
     assert view.session.run is not run
     view.tick(0.2)
-    assert view.session.grasper.slider_force == 2.5
+    assert view.session.planar.grasper.slider_force == 2.5
     assert len(view.results) == 1
 
 

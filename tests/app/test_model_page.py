@@ -61,7 +61,7 @@ def test_an_organ_that_is_practised_on_is_solved_as_its_own(
     """The thesis's 50.8 mm and 3.56 N are not those of an organ of 58 mm."""
     with trainer_page(browser, trainer.address) as tab:
         view = newest(trainer)
-        assert view.session.duct.dissection.preset.name == "thesis-bile-duct"
+        assert view.session.tissue.dissection.preset.name == "thesis-bile-duct"
         view.state.practise_on(read_organ(tube_file))
         duct = tab.page.get_by_test_id("duct")
         expect(duct).to_contain_text("hollow, 58")
@@ -69,9 +69,9 @@ def test_an_organ_that_is_practised_on_is_solved_as_its_own(
         expect(duct).not_to_contain_text("50.8")
         found = solved("--organ", tube_file, "--force", 0.1)
         expect(tab.readout).to_have_attribute("data-breaks-at-n", f"{found['breaks_at_N']:.6g}")
-        assert view.session.duct.dissection.clamps == (
+        assert view.session.tissue.dissection.clamps == (
             0.0,
-            view.session.duct.dissection.organ.length,
+            view.session.tissue.dissection.organ.length,
         )
         # The bar can still be had, and then says what it is.
         tab.open("Model")
@@ -89,7 +89,7 @@ def test_page_and_solve_show_the_same_digits(
         tab.open("Compare")
         tab.choose("Theory", label)
         session = newest(own_trainer).session
-        tab.wait_until(lambda: session.duct.theory == THEORIES[name]())
+        tab.wait_until(lambda: session.planar.theory == THEORIES[name]())
         tab.open("Train")
         tab.slide("Force F (N)", 0.4)
         tab.wait_for_force(0.4)
@@ -113,7 +113,7 @@ def test_page_and_solve_show_the_same_digits(
         band = tab.readout.get_by_test_id("band")
         band.wait_for()  # with the preset's own factors
         tab.slide("Modulus factor", 1.2)
-        low, high = Spread(1.2, Spread.of(session.duct.dissection.preset).strength_factor).band(
+        low, high = Spread(1.2, Spread.of(session.tissue.dissection.preset).strength_factor).band(
             found["distance_to_break"]
         )
         expect(band).to_have_attribute("data-low", f"{low:.6g}")
@@ -158,19 +158,19 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         assert preset.beam.clamps_mm == (4.0, 54.5)
         assert preset.source.startswith("Yours: modulus, Poisson's ratio, strength, wall, clamps.")
         tab.press("Use these figures")
-        tab.wait_until(lambda: session.duct.dissection.preset == preset)
-        assert session.duct.dissection.clamps == (4.0, 54.5)
+        tab.wait_until(lambda: session.tissue.dissection.preset == preset)
+        assert session.tissue.dissection.clamps == (4.0, 54.5)
         found = solved("--organ", tube_file, "--preset", file, "--force", 0.1)
         expect(tab.readout).to_have_attribute("data-breaks-at-n", f"{found['breaks_at_N']:.6g}")
         duct = tab.page.get_by_test_id("duct")
         expect(duct).to_contain_text("outline with a wall of 0.8 mm")
         # Another preset, and back from the file.
         tab.choose("Duct", "Own sections, assumed tissue")
-        tab.wait_until(lambda: session.duct.dissection.preset.ships)
+        tab.wait_until(lambda: session.tissue.dissection.preset.ships)
         wall = tab.row("Wall (mm)").locator("input:not([type=hidden])")
         expect(wall).not_to_have_value("0.8")
         tab.page.locator("input[type=file]").last.set_input_files(file)
-        tab.wait_until(lambda: session.duct.dissection.preset == preset)
+        tab.wait_until(lambda: session.tissue.dissection.preset == preset)
         expect(wall).to_have_value("0.8")  # from here on the trainer writes no field any more
         expect(duct).to_contain_text("outline with a wall of 0.8 mm")
         # What cannot be is said, and not taken.
@@ -183,7 +183,7 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         tab.page.locator("input[type=file]").last.set_input_files(bad)
         notice = tab.page.get_by_role("alert").filter(has_text="Not possible")
         expect(notice.first).to_contain_text("bad.toml is no preset")
-        assert session.duct.dissection.preset == preset
+        assert session.tissue.dissection.preset == preset
 
 
 def test_every_theory_s_threshold_is_shown(browser: Browser, trainer: Trainer) -> None:

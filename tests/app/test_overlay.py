@@ -2,9 +2,8 @@
 
 import numpy as np
 import viser
-from simulated import phantom
+from simulated import phantom, pull_session
 
-from app.simulation import Session
 from app.trainer.scene.comparison_meshes import ChainLines, GhostMesh
 from app.trainer.scene.force_arrow import ForceArrow
 from app.trainer.scene.overlay import CLEAR, KEY_POINTS_OF_A_SECTION, Overlay
@@ -23,7 +22,7 @@ def node(scene: viser.SceneApi, name: str) -> viser.SceneNodeHandle:
 def test_overlay_lies_on_the_kept_sections_and_follows_the_driving_points(
     scene: viser.SceneApi,
 ) -> None:
-    dissection = Session(phantom()).duct.dissection
+    dissection = pull_session(phantom()).tissue.dissection
     organ, driving = dissection.organ, dissection.driving
     overlay = Overlay(scene, organ, driving)
     points = node(scene, "/organ/overlay/key_points")
@@ -85,7 +84,7 @@ def test_force_arrow_stands_on_its_foot_along_the_force_with_its_number(
 
 
 def test_ghost_and_chain_show_what_they_are_given(scene: viser.SceneApi) -> None:
-    skin = Session(phantom()).drawn.surfaces[0].skin
+    skin = pull_session(phantom()).drawn.surfaces[0].skin
     ghost, chain = GhostMesh(scene, skin), ChainLines(scene, 5)
     mesh, nodes = node(scene, "/organ/ghost"), node(scene, "/organ/chain/nodes")
     links = node(scene, "/organ/chain/links")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from own_organ import DISTANCE, IMAGES, built_bar, said
 from program import refused, run
-from simulated import phantom
+from simulated import phantom, pull_session
 
-from app.simulation import Session, presets
+from app.simulation import presets
 from assets import BILE_DUCT
 from organ_geometry.organ_file import read_organ
 from physics import THEORIES
@@ -72,20 +72,20 @@ def test_page_solve_and_export_agree_to_the_digit(
 ) -> None:
     file = BILE_DUCT if whose == "shipped" else tube_file
     organ = phantom() if whose == "shipped" else read_organ(tube_file)
-    session = Session(organ, presets()[preset], vertices=300)
+    session = pull_session(organ, presets()[preset], vertices=300)
     session.choose_theory(THEORIES[theory]())
     given = ("--preset", preset, "--theory", theory, "--json")
     # On the page the grasp is in the middle until it is moved.
     bar = presets()[preset].beam.__class__.__name__ == "RoundBeam"
     which = () if bar else ("--organ", file)
     event = session.reading().breaks_at
-    force = 0.5 * (session.duct.force_limit / 1.5 if event is None else event.force)
+    force = 0.5 * (session.planar.force_limit / 1.5 if event is None else event.force)
     solved = json.loads(said("solve", *which, *given, "--force", repr(force)))
     path = tmp_path / "curve.csv"
     exported = json.loads(
         said("export", file, "-o", path, *given, "--frames", 3, "--force", repr(force))
     )
-    assert session.duct.threshold == solved["threshold_MPa"] == exported["threshold_MPa"]
+    assert session.tissue.threshold == solved["threshold_MPa"] == exported["threshold_MPa"]
     found = None if event is None else event.force
     assert found == solved["breaks_at_N"] == exported["breaks_at_N"]
     session.set_target_force(force)

@@ -20,7 +20,7 @@ from browser import (
 )
 from playwright.sync_api import Browser, Download, Locator, expect
 from program import free_port
-from simulated import phantom
+from simulated import phantom, pull_session
 
 from app.simulation import (
     CAREFUL,
@@ -29,12 +29,10 @@ from app.simulation import (
     GentleDissection,
     Phase,
     Replay,
-    Session,
     do_exercise,
-    metrics_of,
     run_json,
 )
-from app.simulation.scripted_hand import HASTY
+from app.simulation.scripted_pull import HASTY
 from app.trainer.client.client_state import EXPORT_VERTICES
 from app.trainer.client.pull_state import HAND_ONLY
 from app.trainer.connections.bounds import Bounds
@@ -70,14 +68,14 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
             tab.next_picture()
         tab.wait_until(lambda: session.reading().by_hand and session.reading().deflection > 2.0)
         # The hand sets the displacement where it has taken hold, the beam answers with the force.
-        assert session.duct.grasp == pytest.approx(31.4, abs=0.7)
+        assert session.planar.grasp == pytest.approx(31.4, abs=0.7)
 
         def answered() -> None:
             deflection = session.reading().deflection
-            force = Cubic().pull(DUCT, session.duct.grasp).to_deflection(deflection).force
+            force = Cubic().pull(DUCT, session.planar.grasp).to_deflection(deflection).force
             assert tab.figure("force-n") == pytest.approx(force, rel=1e-4)
             assert tab.slider("Force F (N)") == pytest.approx(force, abs=0.011)
-            assert tab.slider("Grasp (mm)") == pytest.approx(session.duct.grasp, abs=0.051)
+            assert tab.slider("Grasp (mm)") == pytest.approx(session.planar.grasp, abs=0.051)
             assert seen(tab, "force")
             assert tab.page.get_by_text(f"{force:.2f} N", exact=True).is_visible()
 
@@ -134,7 +132,7 @@ def test_force_field_takes_a_wish_at_any_time_and_shows_what_acts(
         tab.wait_until(lambda: pause.bounding_box() == before)
         field.focus()
         expect(field).not_to_be_focused()
-        assert session.grasper.slider_force == 0.0
+        assert session.planar.grasper.slider_force == 0.0
 
 
 def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer: Trainer) -> None:
@@ -149,7 +147,7 @@ def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer:
         tab.slide("Force F (N)", 2.5)
         tab.wait_for_force(2.5)
         settle(tab, trainer, view.client)
-        assert session.grasper.slider_force == 2.5
+        assert session.planar.grasper.slider_force == 2.5
         assert tab.slider("Force F (N)") == 2.5
 
 
@@ -172,12 +170,12 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         expect(tab.readout).to_contain_text("Paused")
         pass_ticks(tab, trainer)
         tab.slide("Force F (N)", 1.0)
-        tab.wait_until(lambda: session.grasper.slider_force == 1.0)
+        tab.wait_until(lambda: session.planar.grasper.slider_force == 1.0)
         held = session.reading()
         assert held.force == 3.0
         assert held.phase is Phase.INTACT
         shares = [stress.copy() for stress in view._shares(session)]
-        wanted = session.stress(np.empty_like(shares[0])) / session.duct.threshold
+        wanted = session.stress(np.empty_like(shares[0])) / session.tissue.threshold
         np.testing.assert_array_equal(shares[0], wanted)
         assert shares[0].max() == pytest.approx(1.0 - held.check.distance_to_break, abs=0.05)
         settle(tab, trainer, view.client)
@@ -203,7 +201,7 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
 def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
     browser: Browser, trainer: Trainer
 ) -> None:
-    beam = Session(phantom()).duct.dissection.beam
+    beam = pull_session(phantom()).tissue.dissection.beam
     points = ansys_points(beam, 25.4)
     assert points is not None
     first = TABLE_6_3.rows[0]
@@ -215,7 +213,7 @@ def test_plot_has_the_cubic_the_exact_beam_and_the_points_of_ansys(
     with trainer_page(browser, trainer.address) as tab:
         tab.open("Compare")
         tab.choose("Theory", "Finite elements (the thesis's reference)")
-        tab.wait_until(lambda: newest(trainer).session.duct.theory.name == "fem")
+        tab.wait_until(lambda: newest(trainer).session.planar.theory.name == "fem")
         tab.open("Train")
         key = tab.page.get_by_test_id("plot-key")
         expect(key).to_contain_text("exact beam")
@@ -282,7 +280,7 @@ def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer)
         tab.wait_until(lambda: seen(tab, "ghost"))
 
         tab.choose("Theory", "Exact beam")
-        tab.wait_until(lambda: session.duct.theory == Exact())
+        tab.wait_until(lambda: session.planar.theory == Exact())
         tab.wait_until(lambda: tab.figure("deflection-mm") == pytest.approx(exact, rel=1e-5))
         tab.choose("Ghost", "None")
         expect(ghost).to_have_count(0)
@@ -337,7 +335,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         assert downloaded(tab, "Download JSON") == run_json(run)
         name = downloaded_name(tab, "Download CSV")
         assert re.fullmatch(r"approach-the-break-\d{4}-\d\d-\d\d-\d{6}\.csv", name)
-        again = Replay(Session, run.log, phantom(), vertices=300)
+        again = Replay(run.log, phantom(), vertices=300)
         assert downloaded(tab, "Download CSV") == again.series().csv().encode()
         tab.page.get_by_role("tab", name="Over time").click()
         tab.wait_until(lambda: len(over_time(tab)) == 2)
@@ -369,7 +367,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         last = again.session.reading()
         tab.wait_until(lambda: tab.figure("force-n") == pytest.approx(last.force, rel=1e-5))
         assert tab.figure("deflection-mm") == pytest.approx(last.deflection, rel=1e-5)
-        assert metrics_of(playback.session.measures()) == run.metrics
+        assert playback.session.metrics() == run.metrics
         tab.wait_until(lambda: apart(tab, rest) > 0.5)
         tab.press("Leave the replay")
         tab.wait_for_force(live.force)
@@ -385,7 +383,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         tab.wait_until(
             lambda: opened.at_end
         )  # it plays by the trainer's clock: nobody else moves it
-        assert metrics_of(opened.session.measures()) == run.metrics
+        assert opened.session.metrics() == run.metrics
         assert opened.session.run.outcome == run.outcome
         tab.press("Leave the replay")
         file.write_text("{}")
@@ -448,9 +446,9 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         stop_time(tab, trainer, view)
         run = session.run
         middle = 0.5 * (gentle.low_mm + gentle.high_mm)
-        session.grab(session.duct.grasp)
+        session.grab(0, session.planar.grasp)
         for tick in range(1, 46):
-            session.move_hand(middle * tick / 45.0)
+            session.lift(middle * tick / 45.0)
             session.advance()
         found = []
         while "s to go" in run.standing:
@@ -590,7 +588,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         )
         tab.open("Model")
         tab.slide("Threshold (kPa)", 300.0)
-        tab.wait_until(lambda: session.duct.threshold == pytest.approx(0.3))
+        tab.wait_until(lambda: session.tissue.threshold == pytest.approx(0.3))
         tab.open("Learn")
         tab.page.keyboard.press("h")
         tab.page.get_by_test_id("heat-legend").wait_for()
@@ -604,8 +602,8 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         tab.open("Train")
         expect(tab.page.get_by_text("Force F (N)", exact=True)).to_have_count(0)
         expect(tab.page.get_by_test_id("plot-key")).to_have_count(0)
-        session.grab(25.4)
-        session.move_hand(6.0)
+        session.grab(0, 25.4)
+        session.lift(6.0)
         tab.wait_until(lambda: session.reading().deflection > 5.9)
         settle(tab, trainer, view.client)
         tab.wait_until(lambda: seen(tab, "skin") and not seen(tab, "skin_stress"))
@@ -617,12 +615,12 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         # Time cannot be held, and the slider that is hidden is not taken from a browser.
         tab.page.keyboard.press("p")
         assert not view.state.paused
-        threshold = session.duct.threshold
+        threshold = session.tissue.threshold
         tab.page.evaluate(
             "() => window.__viserMutable.sendMessage({...window.__update, updates: {value: 400}})"
         )
         settle(tab, trainer, view.client)
-        assert session.duct.threshold == threshold
+        assert session.tissue.threshold == threshold
         tab.open("Learn")
         tab.press("Stop")
         outcome = tab.page.get_by_test_id("outcome")
@@ -646,8 +644,8 @@ def test_fading_feedback_comes_and_goes_and_is_gone_after_half_a_minute(
         assert session.run.feedback is Feedback.FADING
         expect(hidden).to_have_count(0)  # nothing is hidden before the first pull
         stop_time(tab, trainer, view)  # it goes by the test's own ticks
-        session.grab(25.4)
-        session.move_hand(2.0)
+        session.grab(0, 25.4)
+        session.lift(2.0)
 
         def shown_until(seconds: float) -> list[bool]:
             """Whether figures are shown, from change to change, as the page follows."""

@@ -7,9 +7,9 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 import viser
-from simulated import phantom
+from simulated import bed_session, phantom
 
-from app.simulation.bed import BedSession
+from app.simulation import Session
 from app.trainer.panel.dissect_plot import IDLE_SECONDS, SECONDS, DissectPlot
 from app.trainer.panel.exercise_tab import AWAITED, NONE, ExerciseTab
 from app.trainer.panel.measures_table import measures_html
@@ -22,14 +22,14 @@ def gui() -> Iterator[viser.GuiApi]:
     server.stop()
 
 
-def stand(session: BedSession, seconds: float) -> None:
+def stand(session: Session, seconds: float) -> None:
     """Let time go by."""
     for _ in range(round(30 * seconds)):
         session.advance()
 
 
 def test_the_plot_of_a_dissection_goes_on_while_nothing_moves(gui: viser.GuiApi) -> None:
-    session = BedSession(phantom(), vertices=300)
+    session = bed_session(phantom(), vertices=300)
     plot = DissectPlot(gui)
     plot.show(session, session.reading(), figures=True)
     assert not plot.lags(session)  # time has not begun
@@ -73,7 +73,7 @@ def test_no_duct_is_called_unbreakable_before_its_exercises_are_known() -> None:
 
 
 def test_a_limit_of_what_is_counted_is_told_as_a_count() -> None:
-    session = BedSession(phantom(), vertices=300)
+    session = bed_session(phantom(), vertices=300)
     session.grab(0, 25.4)
     stand(session, 0.1)
     session.finish()

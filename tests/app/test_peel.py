@@ -11,7 +11,8 @@ import pytest
 from program import refused, run
 
 from app.command_line.bed_options import BED_NAMES
-from app.simulation.bed.scene import (
+from app.simulation.bed_preset import bed_presets
+from app.simulation.peel_scene import (
     BeamTable,
     BedTable,
     HandTable,
@@ -21,7 +22,6 @@ from app.simulation.bed.scene import (
     StrandTable,
     TubeTable,
 )
-from app.simulation.bed_preset import bed_presets
 
 ROOT = Path(__file__).parents[2]
 DOCS = (ROOT / "docs" / "peel.md").read_text()

@@ -10,14 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from own_organ import said
 from program import refused
-from simulated import phantom, pull, replayed, tear
+from simulated import phantom, pull, pull_session, replayed, tear
 
 from app.simulation import (
     LIMITS,
     OrganBeam,
     Preset,
     RoundBeam,
-    Session,
     chosen_preset,
     preset_named,
     preset_toml,
@@ -165,9 +164,9 @@ def test_a_run_with_a_preset_of_one_s_own_is_made_again_to_the_bit(
     beam: OrganBeam | RoundBeam,
 ) -> None:
     preset = msgspec.structs.replace(OWN, beam=beam)
-    session = Session(phantom(), preset, vertices=300)
-    pull(session, 0.3 * session.duct.force_limit)
-    session.set_grasp(0.4 * session.duct.dissection.beam.span)
+    session = pull_session(phantom(), preset, vertices=300)
+    pull(session, 0.3 * session.planar.force_limit)
+    session.set_grasp(0.4 * session.tissue.dissection.beam.span)
     tear(session)
     run = session.run_file()
     assert run.metrics["tear"] is not None
@@ -181,14 +180,14 @@ def test_a_run_names_a_preset_that_ships_and_keeps_an_edited_one_of_its_name() -
         preset_named("porcine-bile-duct"),
         msgspec.structs.replace(preset_named("porcine-bile-duct"), modulus_MPa=0.06),
     ):
-        session = Session(phantom(), preset, vertices=300)
+        session = pull_session(phantom(), preset, vertices=300)
         pull(session, 0.1)
         kept = session.run_file().log.start.preset
         assert kept == (preset.name if preset.ships else preset)
 
 
 def test_a_run_with_a_bad_preset_of_its_own_is_refused() -> None:
-    session = Session(phantom(), OWN, vertices=300)
+    session = pull_session(phantom(), OWN, vertices=300)
     pull(session, 0.1)
     tree = json.loads(run_json(session.run_file()))
     tree["log"]["start"]["preset"]["modulus_MPa"] = -1.0

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from program import LONGEST, refused, run
-from simulated import phantom, replayed, settle
+from simulated import phantom, pull_session, replayed, settle
 
 from app.command_line.replay import replay
 from app.simulation import (
@@ -55,22 +55,22 @@ def dragged(session: Session, readings: list[Reading] | None = None) -> RunFile:
             if readings is not None:
                 readings.append(session.reading())
 
-    limit = session.duct.deflection_limit / 1.15
-    session.grab(0.4 * session.duct.dissection.beam.span)
+    limit = session.planar.deflection_limit / 1.15
+    session.grab(0, 0.4 * session.tissue.dissection.beam.span)
     for drag in range(12):
-        session.move_hand(limit * (0.3 + 0.2 * math.sin(0.7 * drag)))
+        session.lift(limit * (0.3 + 0.2 * math.sin(0.7 * drag)))
         advance(1 + drag % 3)
     session.release()
     advance(4)
-    session.set_target_force(0.2 * session.duct.force_limit)
+    session.set_target_force(0.2 * session.planar.force_limit)
     advance(9)
-    session.set_grasp(0.55 * session.duct.dissection.beam.span)
-    session.set_threshold(0.9 * session.duct.threshold)
+    session.set_grasp(0.55 * session.tissue.dissection.beam.span)
+    session.set_threshold(0.9 * session.tissue.threshold)
     advance(3)
     session.choose_theory(Exact())
     advance(5)
-    session.grab(0.5 * session.duct.dissection.beam.span)
-    session.move_hand(2.0 * limit)
+    session.grab(0, 0.5 * session.tissue.dissection.beam.span)
+    session.lift(2.0 * limit)
     while not session.run.over:
         advance(1)
     return session.run_file()
@@ -79,13 +79,13 @@ def dragged(session: Session, readings: list[Reading] | None = None) -> RunFile:
 @pytest.mark.parametrize("name", list(presets()))
 def test_a_run_made_again_is_equal_to_the_bit_through_json(name: str) -> None:
     readings: list[Reading] = []
-    original = dragged(Session(phantom(), preset_named(name), vertices=300), readings)
+    original = dragged(pull_session(phantom(), preset_named(name), vertices=300), readings)
     assert original.metrics["tear"] is not None
     content = run_json(original)
     assert len(content) < 4000
     log = read_run(content).log
     assert read_run(content) == original
-    again = Replay(Session, log, phantom(), vertices=300)
+    again = Replay(log, phantom(), vertices=300)
     for tick, reading in enumerate(readings, start=1):
         again.seek_tick(tick)
         assert again.session.reading() == reading
@@ -97,16 +97,16 @@ def test_a_run_made_again_is_equal_to_the_bit_through_json(name: str) -> None:
 
 @pytest.mark.parametrize("label", list(OFFERED_THEORIES))
 def test_what_was_done_before_a_run_does_not_show_in_it(label: str) -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     session.choose_theory(OFFERED_THEORIES[label])
-    session.set_target_force(0.5 * session.duct.force_limit)
+    session.set_target_force(0.5 * session.planar.force_limit)
     session.advance(40)
     session.reset()
     session.set_grasp(20.0)
     session.advance(3)
     session.set_grasp(22.0)
-    session.grab(21.0)
-    session.move_hand(6.3)
+    session.grab(0, 21.0)
+    session.lift(6.3)
     session.advance(17)
     session.set_target_force(1.1)
     session.advance(12)
@@ -121,20 +121,20 @@ def test_what_was_done_before_a_run_does_not_show_in_it(label: str) -> None:
 
 @pytest.mark.parametrize("label", list(OFFERED_THEORIES))
 def test_a_pull_right_after_a_reset_starts_from_a_duct_never_pulled(label: str) -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     session.choose_theory(OFFERED_THEORIES[label])
-    session.set_target_force(0.5 * session.duct.force_limit)
+    session.set_target_force(0.5 * session.planar.force_limit)
     session.advance(40)
     session.reset()
-    assert session.grab(session.duct.grasp) == 0.0
-    session.move_hand(4.7)
+    assert session.grab(0, session.planar.grasp) == (session.planar.grasp, 0.0, 0.0)
+    session.lift(4.7)
     session.advance(9)
     original = session.run_file()
     assert replayed(original, phantom()) == original
 
 
 def test_a_run_is_made_again_after_a_reset_and_another_preset() -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     first = dragged(session)
     session.reset()
     session.reset()
@@ -148,7 +148,7 @@ def test_a_run_is_made_again_after_a_reset_and_another_preset() -> None:
 
 
 def test_an_unfinished_run_is_made_again_as_far_as_it_went() -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     session.set_target_force(2.0)
     session.advance(11)
     first = session.run_file()
@@ -171,21 +171,21 @@ def test_an_unfinished_run_is_made_again_as_far_as_it_went() -> None:
 )
 @settings(deadline=None, max_examples=25)
 def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     theories = (Cubic(), Exact(), TautString())
     for kind, part, ticks in inputs:
         if kind == "force":
-            session.set_target_force(part * session.duct.force_limit)
+            session.set_target_force(part * session.planar.force_limit)
         elif kind == "grab":
-            session.grab(part * 50.8)
+            session.grab(0, part * 50.8)
         elif kind == "lift":
-            session.move_hand(part * session.duct.deflection_limit)
+            session.lift(part * session.planar.deflection_limit)
         elif kind == "release":
             session.release()
         elif kind == "grasp":
             session.set_grasp(part * 50.8)
         elif kind == "threshold":
-            session.set_threshold(part * session.duct.threshold_range[1])
+            session.set_threshold(part * session.planar.threshold_range[1])
         else:
             session.choose_theory(theories[min(int(3 * part), 2)])
         session.advance(ticks)
@@ -196,16 +196,16 @@ def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) 
 
 
 def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> None:
-    session = Session(phantom(), vertices=300)
-    session.set_threshold(session.duct.threshold_range[1])
+    session = pull_session(phantom(), vertices=300)
+    session.set_threshold(session.planar.threshold_range[1])
     over, turns, wrote = threading.Event(), threading.Semaphore(0), threading.Semaphore(0)
 
     def write(seed: int) -> None:
         random = np.random.default_rng(seed)
         while not over.is_set():
-            session.move_hand(0.5 * float(random.random()))
+            session.lift(0.5 * float(random.random()))
             session.set_target_force(float(random.random()))
-            session.grab(50.8 * float(random.random()))
+            session.grab(0, 50.8 * float(random.random()))
             session.set_grasp(50.8 * float(random.random()))
             wrote.release()
             turns.acquire()
@@ -230,7 +230,7 @@ def test_a_run_that_several_threads_wrote_into_is_made_again_to_the_bit() -> Non
 
 
 def test_an_exercise_is_judged_again_the_same() -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     approach = session.exercises_offered()[1]
     session.start_exercise(approach, Feedback.FADING)
     do_exercise(session, CAREFUL)
@@ -260,8 +260,8 @@ def test_runs_of_version_1_play_as_they_were_recorded(name: str) -> None:
 
 def test_any_moment_can_be_gone_to_forwards_and_back() -> None:
     readings: list[Reading] = []
-    original = dragged(Session(phantom(), vertices=300), readings)
-    again = Replay(Session, original.log, phantom(), vertices=300)
+    original = dragged(pull_session(phantom(), vertices=300), readings)
+    again = Replay(original.log, phantom(), vertices=300)
     ticks = len(readings)
     assert again.duration == pytest.approx(ticks * TICK_SECONDS + 2.8, abs=0.1)
     for tick in (ticks, 3, 40, 39, 41, 1):
@@ -278,13 +278,13 @@ def test_any_moment_can_be_gone_to_forwards_and_back() -> None:
 
 
 def test_torn_pieces_go_on_tick_by_tick_and_a_jump_back_shows_the_duct_at_rest() -> None:
-    log = dragged(Session(phantom(), vertices=300)).log
-    stepped, jumped = (Replay(Session, log, phantom(), vertices=300) for _ in range(2))
+    log = dragged(pull_session(phantom(), vertices=300)).log
+    stepped, jumped = (Replay(log, phantom(), vertices=300) for _ in range(2))
     rest = [surface.vertices.copy() for surface in stepped.session.drawn.surfaces]
     fronts: list[float] = []
     for tick in range(log.ticks, log.ticks + 60):
         stepped.seek_tick(tick)
-        tear = stepped.session.duct.tear
+        tear = stepped.session.planar.tear
         assert tear is not None
         fronts.append(tear.front)
     assert fronts[0] == 0.0
@@ -296,7 +296,7 @@ def test_torn_pieces_go_on_tick_by_tick_and_a_jump_back_shows_the_duct_at_rest()
     ):
         assert ours.vertices.tobytes() == other.vertices.tobytes()
     stepped.seek_tick(0)
-    assert stepped.session.duct.tear is None
+    assert stepped.session.planar.tear is None
     (whole,) = stepped.session.drawn.surfaces
     assert whole.vertices.tobytes() == rest[0].tobytes()
 
@@ -304,10 +304,10 @@ def test_torn_pieces_go_on_tick_by_tick_and_a_jump_back_shows_the_duct_at_rest()
 def test_the_torn_rim_is_the_one_that_was_seen() -> None:
     found = []
     for seed in (1, 7):
-        session = Session(phantom(), vertices=600, seed=seed)
-        session.set_target_force(session.duct.force_limit)
+        session = pull_session(phantom(), vertices=600, seed=seed)
+        session.set_target_force(session.planar.force_limit)
         settle(session)
-        again = Replay(Session, session.run_file().log, phantom(), vertices=600)
+        again = Replay(session.run_file().log, phantom(), vertices=600)
         again.seek(1e9)
         for own, other in zip(session.drawn.surfaces, again.session.drawn.surfaces, strict=True):
             assert own.vertices.tobytes() == other.vertices.tobytes()
@@ -317,8 +317,8 @@ def test_the_torn_rim_is_the_one_that_was_seen() -> None:
 
 def test_the_series_is_what_was_read_and_sums_to_the_measures() -> None:
     readings: list[Reading] = []
-    original = dragged(Session(phantom(), vertices=300), readings)
-    series = Replay(Session, original.log, phantom(), vertices=300).series()
+    original = dragged(pull_session(phantom(), vertices=300), readings)
+    series = Replay(original.log, phantom(), vertices=300).series()
     assert series["force_N"].tolist() == [reading.force for reading in readings]
     assert series["deflection_mm"].tolist() == [reading.deflection for reading in readings]
     assert series["stress_MPa"].tolist() == [reading.check.total_stress for reading in readings]
@@ -342,11 +342,11 @@ def test_the_series_is_what_was_read_and_sums_to_the_measures() -> None:
 
 
 def test_a_run_of_another_organ_is_refused() -> None:
-    original = dragged(Session(phantom(), vertices=300))
+    original = dragged(pull_session(phantom(), vertices=300))
     organ = phantom()
     other = Organ(organ.axis * 1.001, organ.frames, organ.keys, organ.outer, organ.lumen)
     with pytest.raises(RunFileError, match="another organ"):
-        Replay(Session, original.log, other)
+        Replay(original.log, other)
     renamed = Organ(
         organ.axis, organ.frames, organ.keys, organ.outer, organ.lumen, name="a new name"
     )
@@ -372,21 +372,21 @@ def test_a_theory_that_no_name_gives_cannot_be_written() -> None:
 
 def test_a_run_without_a_pull_cannot_be_written() -> None:
     with pytest.raises(ValueError, match="first input"):
-        Session(phantom(), vertices=300).run_file()
+        pull_session(phantom(), vertices=300).run_file()
 
 
 def test_a_long_drag_is_a_small_file_and_repeated_wishes_are_not_in_it() -> None:
-    session = Session(phantom(), vertices=300)
-    session.grab(25.4)
+    session = pull_session(phantom(), vertices=300)
+    session.grab(0, 25.4)
     for _ in range(100):
         for part in (0.1, 0.2, 0.3):  # between two ticks only the last one counts
-            session.move_hand(part * session.duct.deflection_limit)
+            session.lift(part * session.planar.deflection_limit)
         session.set_grasp(25.4)
         session.advance()
     inputs = session.run_file().log.inputs
     assert len(inputs) <= 1 + 100
     for _ in range(100):
-        session.move_hand(1.0)
+        session.lift(1.0)
         session.advance()
     assert len(session.run_file().log.inputs) == len(inputs) + 1
 
@@ -395,9 +395,9 @@ def test_a_long_drag_is_a_small_file_and_repeated_wishes_are_not_in_it() -> None
 
 
 def good() -> dict[str, Any]:
-    session = Session(phantom(), vertices=300)
-    session.grab(20.0)
-    session.move_hand(5.0)
+    session = pull_session(phantom(), vertices=300)
+    session.grab(0, 20.0)
+    session.lift(5.0)
     session.advance(6)
     return json.loads(run_json(session.run_file()))
 
@@ -421,7 +421,7 @@ BAD: dict[str, tuple[dict[str, object], str]] = {
     "theory": ({"log.inputs": [[0, 0, "theory", 1.0]]}, "must name a theory"),
     "no theory": ({"log.inputs": [[0, 0, "theory", {"name": "x"}]]}, "unknown theory 'x'"),
     "start": ({"log.start.theory": {"name": "string", "q": 1.0}}, "start: q belongs"),
-    "preset": ({"log.start.preset": "x"}, "run's preset: unknown preset 'x'"),
+    "preset": ({"log.start.preset": "x"}, "run's preset, bed or theory: unknown preset 'x'"),
     "grasp": ({"log.start.grasp_mm": 1000.0}, "out of this duct's range"),
     "exercise": (
         {"log.exercise": {"exercise": "approach_break", "margin": 1.0, "seconds": 1.0}},
@@ -442,7 +442,7 @@ def test_a_bad_run_is_refused_with_what_is_wrong(name: str) -> None:
             node = node[folder]
         node[last] = value
     with pytest.raises(RunFileError, match=words):
-        Replay(Session, read_run(json.dumps(tree).encode()).log, phantom(), vertices=300)
+        Replay(read_run(json.dumps(tree).encode()).log, phantom(), vertices=300)
 
 
 @given(st.binary(max_size=200))
@@ -462,7 +462,7 @@ def test_a_file_too_long_is_refused_before_it_is_read() -> None:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunFile]:
-    original = dragged(Session(phantom(), vertices=300))
+    original = dragged(pull_session(phantom(), vertices=300))
     path = tmp_path_factory.mktemp("runs") / "run.json"
     path.write_bytes(run_json(original))
     return path, original
@@ -493,7 +493,7 @@ def test_the_command_says_what_an_exercise_was_done_with(
     assert "sliders and keys allowed" in said
     assert re.search(r"smoothness +too short", said)
     assert "yes, to 12 digits" in said
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     session.start_exercise(session.exercises_offered()[0])
     do_exercise(session, CAREFUL)
     path = tmp_path / "run.json"
@@ -511,7 +511,7 @@ def test_the_command_takes_the_organ_s_own_file(
         read_image_stack(BILE_DUCT_PHANTOM), promise=Promise(tolerance_mm=0.3)
     ).organ
     write_organ(coarser, tmp_path / "own.organ")
-    session = Session(read_organ(tmp_path / "own.organ"), vertices=300)
+    session = pull_session(read_organ(tmp_path / "own.organ"), vertices=300)
     session.set_target_force(1.0)
     session.advance(20)
     path = tmp_path / "run.json"

@@ -5,24 +5,24 @@ from functools import cache
 from threading import Thread
 
 import pytest
-from simulated import phantom
+from simulated import phantom, pull_session
 
-from app.simulation import TICK_SECONDS, Replay, RunFile, Session
+from app.simulation import TICK_SECONDS, Replay, RunFile
 from app.trainer.client import replay_playback
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 
 
 @cache
 def a_run() -> RunFile:
-    session = Session(phantom(), vertices=300)
-    session.set_target_force(0.4 * session.duct.force_limit)
+    session = pull_session(phantom(), vertices=300)
+    session.set_target_force(0.4 * session.planar.force_limit)
     session.advance(60)
     session.set_target_force(0.0)
     session.advance(30)
     return session.run_file()
 
 
-def reached(playback: ReplayPlayback[Session]) -> int:
+def reached(playback: ReplayPlayback) -> int:
     """Tick until the moment that was asked for is seen, and return how often."""
     for count in range(1, 1000):
         if playback.tick(0):
@@ -36,8 +36,8 @@ def test_the_last_moment_asked_for_by_any_thread_is_seen(
 ) -> None:
     monkeypatch.setattr(replay_playback, "SEEK_SECONDS", 60.0 if quick else 0.0)
     playback, again = (
-        ReplayPlayback(Replay(Session, a_run().log, phantom())),
-        Replay(Session, a_run().log, phantom()),
+        ReplayPlayback(Replay(a_run().log, phantom())),
+        Replay(a_run().log, phantom()),
     )
     assert playback.tick(0)  # its first picture
     assert not playback.tick(0)
@@ -58,7 +58,7 @@ def test_the_last_moment_asked_for_by_any_thread_is_seen(
 
 
 def test_it_plays_to_its_end_and_from_its_start_again() -> None:
-    playback = ReplayPlayback(Replay(Session, a_run().log, phantom()))
+    playback = ReplayPlayback(Replay(a_run().log, phantom()))
     playback.tick(0)  # its first picture
     playback.seek(1e9)
     playback.play()
@@ -76,5 +76,5 @@ def test_it_plays_to_its_end_and_from_its_start_again() -> None:
 
 
 def test_what_goes_on_live_has_no_end() -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     assert not LivePlayback(session, lambda: session).at_end

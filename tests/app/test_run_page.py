@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import PlayerPage, new_context, running_browser
-from simulated import phantom
+from simulated import phantom, pull_session
 from test_html_player import AT_TOP, LARGEST
 
 from app.export.recorded_run import RecordedRun
-from app.simulation import PIECES, TICK_SECONDS, Replay, Session
+from app.simulation import PIECES, TICK_SECONDS
 from app.trainer.pages.html_player import REST_SECONDS, run_page
 from organ_geometry.mesh.skin import organ_skin
 
@@ -19,19 +19,17 @@ FIRST_TICK, SEEN_TICK = 10, 25
 
 
 def run(*, torn: bool = True) -> RecordedRun:
-    session = Session(phantom(), vertices=300)
-    session.grab(20.0)
-    session.move_hand(6.0)
+    session = pull_session(phantom(), vertices=300)
+    session.grab(0, 20.0)
+    session.lift(6.0)
     session.advance(FIRST_TICK)
-    session.move_hand(3.0)
+    session.lift(3.0)
     session.advance(20)
     if torn:
-        session.set_target_force(session.duct.force_limit)
+        session.set_target_force(session.planar.force_limit)
         while not session.run.over:
             session.advance()
-    return RecordedRun.of(
-        Replay(Session, session.run_file().log, phantom(), vertices=300), frames=2000
-    )
+    return RecordedRun.of_log(session.run_file().log, phantom(), frames=2000)
 
 
 def test_page_plays_a_run_and_its_tear(tmp_path: Path) -> None:

@@ -30,8 +30,7 @@ from app.haptics.regulator import BRAKED, LEAST, MADE, MODELLED, SAMPLED, WITHHE
 from app.haptics.servo import Servo
 from app.haptics.servo_loop import CLUTCH, FRESH, LIVE, PLACE_UNIT, TAKE, LoopSettings, ServoLoop
 from app.haptics.virtual_device import VirtualDevice
-from app.simulation import RoundBeam, Specimen, preset_named
-from app.simulation.bed import bed_named
+from app.simulation import RoundBeam, Specimen, bed_named, preset_named
 from physics import Cubic, Exact, LawName, NeoHooke, Theory
 
 DUCT = preset_named("thesis-bile-duct")

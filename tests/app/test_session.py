@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulated import phantom, pull, settle, tear
+from simulated import phantom, pull, pull_session, settle, tear
 
 from app.simulation import Clock, Phase, Session, preset_named, presets
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
@@ -32,7 +32,7 @@ BREAK = 0.8 * 4.4482216152605
 
 @pytest.fixture
 def session() -> Session:
-    return Session(phantom(), vertices=1200)
+    return pull_session(phantom(), vertices=1200)
 
 
 def closed(session: Session) -> list[trimesh.Trimesh]:
@@ -57,12 +57,12 @@ def test_starts_at_rest_with_the_organ_to_the_bit(session: Session) -> None:
 @pytest.mark.parametrize("grasp", [12.0, 25.4, 33.0])
 def test_bends_by_what_the_beam_says(label: str, grasp: float) -> None:
     theory = OFFERED_THEORIES[label]
-    session = Session(phantom(), vertices=10000)
+    session = pull_session(phantom(), vertices=10000)
     session.choose_theory(theory)
     session.set_grasp(grasp)
     pull(session, 1.5)
     solved = (
-        theory.pull(session.duct.dissection.beam, grasp).to_force(1.5).sample(np.array([grasp]))
+        theory.pull(session.tissue.dissection.beam, grasp).to_force(1.5).sample(np.array([grasp]))
     )
     expected = solved.deflection
     reading = session.reading()
@@ -72,16 +72,16 @@ def test_bends_by_what_the_beam_says(label: str, grasp: float) -> None:
     assert reading.hook[0] == pytest.approx(solved.along[0], abs=0.02)  # it slides with the duct
     # The skin's ring at the grasp has moved by as much, along the pull and no other way.
     surface = session.drawn.surfaces[0]
-    away = np.abs(surface.skin.stations - session.duct.dissection.clamps[0] - grasp)
+    away = np.abs(surface.skin.stations - session.tissue.dissection.clamps[0] - grasp)
     moved = (surface.vertices - surface.skin.vertices)[away < away.min() + 1e-6].mean(axis=0)
-    frame = session.duct.dissection.frame
+    frame = session.tissue.dissection.frame
     assert moved @ frame[:, 2] == pytest.approx(expected, rel=0.03)  # half a ring off the grasp
     assert moved @ frame[:, 1] == pytest.approx(0.0, abs=1e-5)
     closed(session)
 
 
 def test_default_duct_bears_the_force_below_the_thesis_s_break_and_tears_at_it() -> None:
-    session = Session(phantom(), vertices=1200)
+    session = pull_session(phantom(), vertices=1200)
     pull(session, 3.55)
     assert session.reading().phase is Phase.INTACT
     assert session.reading().check.distance_to_break == pytest.approx(0.0, abs=0.005)
@@ -95,7 +95,7 @@ def test_default_duct_bears_the_force_below_the_thesis_s_break_and_tears_at_it()
 
 
 def test_a_jump_past_the_break_tears_at_the_break_not_at_the_jump(session: Session) -> None:
-    pull(session, session.duct.force_limit)
+    pull(session, session.planar.force_limit)
     reading = session.reading()
     assert reading.breaks_at is not None
     assert reading.breaks_at.force == pytest.approx(BREAK, rel=1e-5)
@@ -105,12 +105,12 @@ def test_a_jump_past_the_break_tears_at_the_break_not_at_the_jump(session: Sessi
 def test_tear_runs_from_the_stretched_side_through_to_two_pieces_at_rest(
     session: Session,
 ) -> None:
-    session.set_target_force(session.duct.force_limit)
+    session.set_target_force(session.planar.force_limit)
     while session.reading().phase is Phase.INTACT:
         session.advance()
     assert [surface.name for surface in session.drawn.surfaces] == ["first_piece", "second_piece"]
-    up = session.duct.dissection.frame[:, 2]
-    along = session.duct.dissection.frame[:, 0]
+    up = session.tissue.dissection.frame[:, 2]
+    along = session.tissue.dissection.frame[:, 0]
     gaps: list[tuple[float, float]] = []
     while session.reading().phase is Phase.TEARING:
         assert session.reading().force == pytest.approx(BREAK, rel=1e-5)  # still pulled
@@ -146,7 +146,7 @@ def test_tear_runs_from_the_stretched_side_through_to_two_pieces_at_rest(
     meshes = closed(session)
     assert meshes[0].bounds[1, 0] < meshes[1].bounds[0, 0]
     torn_at = session.reading().check.station
-    hang = SAG * session.duct.dissection.organ.mean_radius
+    hang = SAG * session.tissue.dissection.organ.mean_radius
     for surface in session.drawn.surfaces:  # nothing is left of the pull, and free ends hang down
         behind = np.abs(surface.skin.stations - torn_at) > 7.0  # mm: the rim is flared
         left = (surface.vertices - surface.skin.vertices)[behind] @ up
@@ -164,8 +164,8 @@ def test_only_reset_brings_a_torn_duct_back(session: Session) -> None:
     session.choose_preset("thesis-rubber")
     settle(session)
     assert session.reading().phase is Phase.TORN
-    assert session.duct.dissection.preset.name == "thesis-bile-duct"
-    assert session.duct.theory == Cubic()
+    assert session.tissue.dissection.preset.name == "thesis-bile-duct"
+    assert session.planar.theory == Cubic()
     assert session.drawn.shape == shape
     session.reset()
     settle(session)
@@ -179,7 +179,7 @@ def test_only_reset_brings_a_torn_duct_back(session: Session) -> None:
 
 def test_lowered_threshold_tears_a_pulled_duct_at_the_force_it_is_under(session: Session) -> None:
     pull(session, 3.0)
-    session.set_threshold(0.5 * session.duct.threshold)
+    session.set_threshold(0.5 * session.tissue.threshold)
     settle(session)
     event = session.reading().breaks_at
     assert session.reading().phase is Phase.TORN
@@ -201,28 +201,30 @@ def test_off_centre_pull_tears_at_the_near_clamp(session: Session) -> None:
 )
 @settings(deadline=None, max_examples=60)
 def test_any_number_from_a_browser_is_clamped_or_ignored(value: float, name: str) -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     getattr(session, f"set_{name}")(value)
     settle(session)
     reading = session.reading()
-    assert 0.0 <= reading.force <= session.duct.force_limit
-    assert session.duct.grasp_range[0] <= session.duct.grasp <= session.duct.grasp_range[1]
+    assert 0.0 <= reading.force <= session.planar.force_limit
+    assert session.planar.grasp_range[0] <= session.planar.grasp <= session.planar.grasp_range[1]
     assert (
-        session.duct.threshold_range[0] <= session.duct.threshold <= session.duct.threshold_range[1]
+        session.planar.threshold_range[0]
+        <= session.tissue.threshold
+        <= session.planar.threshold_range[1]
     )
     assert all(np.isfinite(surface.vertices).all() for surface in session.drawn.surfaces)
     if not math.isfinite(value):
-        assert (reading.force, session.duct.grasp) == (0.0, 25.4)
+        assert (reading.force, session.planar.grasp) == (0.0, 25.4)
 
 
 @pytest.mark.parametrize("name", list(presets()))
 @pytest.mark.parametrize("label", list(OFFERED_THEORIES))
 def test_every_preset_can_be_pulled_to_its_break_by_every_theory(name: str, label: str) -> None:
-    session = Session(phantom(), preset_named(name), vertices=600)
+    session = pull_session(phantom(), preset_named(name), vertices=600)
     session.choose_theory(OFFERED_THEORIES[label])
     event = session.reading().breaks_at
     assert event is not None
-    assert event.force < session.duct.force_limit
+    assert event.force < session.planar.force_limit
     tear(session)
     torn = session.reading().breaks_at
     assert torn is not None
@@ -256,13 +258,13 @@ class EndingPull(CubicPull):
 
 def test_a_pull_stops_where_the_law_ends(session: Session) -> None:
     session.choose_theory(Ending(13.0))
-    session.set_threshold(session.duct.threshold_range[1])
-    pull(session, session.duct.force_limit)
+    session.set_threshold(session.planar.threshold_range[1])
+    pull(session, session.planar.force_limit)
     reading = session.reading()
     assert reading.breaks_at is None
     assert reading.phase is Phase.INTACT
     assert 12.0 < reading.deflection <= 13.0
-    assert session.grasper.slider_force == reading.force
+    assert session.planar.grasper.slider_force == reading.force
     deflections, forces = session.curve()
     assert len(deflections) == len(forces) > 2
     assert deflections[-1] <= 13.0
@@ -276,46 +278,46 @@ def test_a_law_that_ends_before_the_break_is_refused(session: Session) -> None:
     before = session.reading()
     with pytest.raises(NoEquilibrium):
         session.choose_theory(Ending(12.0))  # the duct breaks at 12.8 mm
-    assert session.duct.theory == Cubic()
+    assert session.planar.theory == Cubic()
     settle(session)
     assert session.reading() == before
-    assert session.duct.threshold == 0.15
+    assert session.tissue.threshold == 0.15
 
 
 def test_a_grasp_that_the_law_cannot_carry_eases_the_pull(session: Session) -> None:
     session.choose_theory(Ending(13.0))
-    session.set_threshold(session.duct.threshold_range[1])
+    session.set_threshold(session.planar.threshold_range[1])
     session.set_grasp(8.0)
     pull(session, 3.0)
-    session.set_target_force(session.duct.force_limit)
+    session.set_target_force(session.planar.force_limit)
     settle(session)
     force = session.reading().force
     session.set_grasp(25.4)
     settle(session)
     reading = session.reading()
-    assert session.duct.grasp == 25.4
+    assert session.planar.grasp == 25.4
     assert 0.0 < reading.force < force
     assert reading.deflection <= 13.0
-    assert session.grasper.slider_force == reading.force
+    assert session.planar.grasper.slider_force == reading.force
 
 
 def test_a_long_thin_organ_is_drawn_with_coarser_triangles() -> None:
     long = Organ(
         phantom().axis * [60.0, 1.0, 1.0], phantom().frames, phantom().keys, phantom().outer
     )
-    session = Session(long, vertices=600)
+    session = pull_session(long, vertices=600)
     assert len(session.drawn.surfaces[0].vertices) > 600
     closed(session)
 
 
 def test_each_theory_has_its_own_threshold_for_the_same_break(session: Session) -> None:
-    beam = session.duct.dissection.beam
-    cubic = session.duct.threshold
+    beam = session.tissue.dissection.beam
+    cubic = session.tissue.threshold
     session.choose_theory(theory_named("string"))
-    assert session.duct.threshold == pytest.approx(
+    assert session.tissue.threshold == pytest.approx(
         calibrated_threshold(TautString().pull(beam, 25.4), BREAK), rel=1e-6
     )
-    assert session.duct.threshold != pytest.approx(cubic, rel=0.1)
+    assert session.tissue.threshold != pytest.approx(cubic, rel=0.1)
     tear(session)
     event = session.reading().breaks_at
     assert event is not None
@@ -333,24 +335,25 @@ def test_unknown_choices_change_nothing(session: Session) -> None:
 def test_curve_is_the_theory_s_and_passes_the_break(session: Session) -> None:
     deflections, forces = session.curve()
     expected = [
-        Cubic().pull(session.duct.dissection.beam, 25.4).to_deflection(d).force for d in deflections
+        Cubic().pull(session.tissue.dissection.beam, 25.4).to_deflection(d).force
+        for d in deflections
     ]
     assert forces == pytest.approx(expected)
     event = session.reading().breaks_at
     assert event is not None
     assert deflections[0] == 0.0
     assert deflections[-1] > event.deflection
-    session.set_threshold(session.duct.threshold_range[1])
-    pull(session, session.duct.force_limit)
+    session.set_threshold(session.planar.threshold_range[1])
+    pull(session, session.planar.force_limit)
     deepest = session.reading().deepest
-    session.set_threshold(0.6 * session.duct.threshold)  # the break is now far behind
+    session.set_threshold(0.6 * session.tissue.threshold)  # the break is now far behind
     assert session.curve()[0][-1] > deepest
 
 
 def test_steps_of_any_length_lead_to_the_same_rest() -> None:
     readings = []
     for seconds in (1 / 240, 1 / 30, 0.1):
-        session, clock = Session(phantom(), vertices=300), Clock()
+        session, clock = pull_session(phantom(), vertices=300), Clock()
         session.set_target_force(2.0)
         while session.advance(clock.ticks(seconds)):
             pass
@@ -366,7 +369,7 @@ def test_idle_steps_say_so_and_change_nothing(session: Session) -> None:
 
 
 def test_sessions_do_not_share_state() -> None:
-    one, other = Session(phantom(), vertices=300), Session(phantom(), vertices=300)
+    one, other = pull_session(phantom(), vertices=300), pull_session(phantom(), vertices=300)
     tear(one)
     settle(other)
     assert other.reading().phase is Phase.INTACT

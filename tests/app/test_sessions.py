@@ -3,7 +3,7 @@
 import tracemalloc
 
 import pytest
-from simulated import phantom, pull
+from simulated import phantom, pull, pull_session
 
 from app.simulation import Session
 from app.trainer.server.sessions import Sessions, SessionsFullError
@@ -21,7 +21,7 @@ class Time:
 
 def kept(clock: Time, *, most: int = 3) -> Sessions:
     return Sessions(
-        lambda: Session(phantom(), vertices=300), most=most, kept_seconds=60.0, clock=clock
+        lambda: pull_session(phantom(), vertices=300), most=most, kept_seconds=60.0, clock=clock
     )
 
 
@@ -97,18 +97,18 @@ def test_tokens_cannot_be_guessed_and_a_failed_session_leaves_no_gap() -> None:
 
 def test_pulling_for_long_allocates_nothing_that_stays() -> None:
     """What stays of a tick is its place in the log: three bare numbers for each new wish."""
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     session.show_chain(True)
-    session.grab(25.4)
+    session.grab(0, 25.4)
 
     def drag(ticks: int) -> None:
         for tick in range(ticks):
-            session.move_hand(3.0 + 2.0 * (tick % 7))
+            session.lift(3.0 + 2.0 * (tick % 7))
             session.advance()
             session.reading()
-            session.measures()
+            session.metrics()
 
-    session.set_threshold(session.duct.threshold_range[1])
+    session.set_threshold(session.planar.threshold_range[1])
     drag(300)
     tracemalloc.start()
     try:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from simulated import phantom, pull, settle, tear
+from simulated import phantom, pull, pull_session, settle, tear
 
 from app.simulation import Phase, Session, Stresses, SurfaceStress, preset_named
 from app.simulation.drawn_duct import fibre_shares
@@ -22,12 +22,12 @@ def stress(session: Session, surface: int = 0) -> NDArray[np.float32]:
 def heights(session: Session) -> NDArray[np.float64]:
     """Heights of the skin's vertices above the axis, along the pull."""
     surface = session.drawn.surfaces[0]
-    away = surface.skin.vertices - session.duct.dissection.organ.axis_at(surface.skin.stations)
-    return away @ session.duct.dissection.frame[:, 2]
+    away = surface.skin.vertices - session.tissue.dissection.organ.axis_at(surface.skin.stations)
+    return away @ session.tissue.dissection.frame[:, 2]
 
 
 def test_there_is_none_at_rest() -> None:
-    assert np.all(stress(Session(phantom(), vertices=1200)) == 0.0)
+    assert np.all(stress(pull_session(phantom(), vertices=1200)) == 0.0)
 
 
 @pytest.mark.parametrize("preset", ["thesis-bile-duct", "porcine-bile-duct"])
@@ -36,9 +36,9 @@ def test_there_is_none_at_rest() -> None:
 def test_the_highest_on_the_skin_is_what_the_criterion_is_held_against(
     preset: str, label: str, part: float
 ) -> None:
-    session = Session(phantom(), preset_named(preset), vertices=10000)
+    session = pull_session(phantom(), preset_named(preset), vertices=10000)
     session.choose_theory(OFFERED_THEORIES[label])
-    session.set_grasp(part * session.duct.dissection.beam.span)
+    session.set_grasp(part * session.tissue.dissection.beam.span)
     session.advance()
     event = session.reading().breaks_at
     assert event is not None
@@ -52,15 +52,15 @@ def test_the_highest_on_the_skin_is_what_the_criterion_is_held_against(
 
 def test_a_straight_round_bar_has_the_closed_form_s_stresses_with_their_signs() -> None:
     """sigma = N/A - M z/I: the pulled side is stretched at the grasp and squeezed at the clamps."""
-    session = Session(phantom(), vertices=10000)
+    session = pull_session(phantom(), vertices=10000)
     pull(session, 1.0)
-    beam, skin = session.duct.dissection.beam, session.drawn.surfaces[0].skin
+    beam, skin = session.tissue.dissection.beam, session.drawn.surfaces[0].skin
     found, z = stress(session), heights(session)
-    places = skin.stations - session.duct.dissection.clamps[0]
-    shares = fibre_shares(phantom(), skin, session.duct.dissection.frame[:, 2])
+    places = skin.stations - session.tissue.dissection.clamps[0]
+    shares = fibre_shares(phantom(), skin, session.tissue.dissection.frame[:, 2])
     inside = (places >= -0.5) & (places <= beam.span + 0.5)
     solved = (
-        session.duct.theory.pull(beam, 25.4).to_force(1.0).sample(np.clip(places, 0.0, beam.span))
+        session.planar.theory.pull(beam, 25.4).to_force(1.0).sample(np.clip(places, 0.0, beam.span))
     )
     whole = (
         solved.normal_force / beam.area
@@ -96,15 +96,15 @@ def test_stress_turns_with_the_organ() -> None:
     turned = Organ(organ.axis @ turn.T, turn @ organ.frames, organ.keys, organ.outer, organ.lumen)
     found = []
     for each in (organ, turned):
-        session = Session(each, preset_named("thesis-bile-duct"), vertices=1200)
+        session = pull_session(each, preset_named("thesis-bile-duct"), vertices=1200)
         pull(session, 1.0)
         found.append(stress(session))
     assert found[1] == pytest.approx(found[0], abs=1e-6)
 
 
 def test_pieces_carry_less_and_less_and_nothing_in_the_end() -> None:
-    session = Session(phantom(), vertices=1200)
-    session.set_target_force(session.duct.force_limit)
+    session = pull_session(phantom(), vertices=1200)
+    session.set_target_force(session.planar.force_limit)
     while session.reading().phase is Phase.INTACT:
         session.advance()
     check = session.reading().check
@@ -122,10 +122,10 @@ def test_pieces_carry_less_and_less_and_nothing_in_the_end() -> None:
 
 
 def test_a_part_of_it_is_that_part_and_places_are_kept_between_calls() -> None:
-    session = Session(phantom(), vertices=1200)
-    dissection, skin = session.duct.dissection, session.drawn.surfaces[0].skin
+    session = pull_session(phantom(), vertices=1200)
+    dissection, skin = session.tissue.dissection, session.drawn.surfaces[0].skin
     solved: Equilibrium = (
-        session.duct.theory.pull(dissection.beam, 25.4)
+        session.planar.theory.pull(dissection.beam, 25.4)
         .to_force(1.0)
         .sample(np.linspace(0.0, 50.8, 33))
     )
@@ -133,7 +133,7 @@ def test_a_part_of_it_is_that_part_and_places_are_kept_between_calls() -> None:
     whole = surface.write(solved, out).copy()
     assert surface.write(solved, out, part=0.5) == pytest.approx(0.5 * whole)
     shuffled = (
-        session.duct.theory.pull(dissection.beam, 25.4)
+        session.planar.theory.pull(dissection.beam, 25.4)
         .to_force(1.0)
         .sample(np.linspace(0.0, 50.8, 33)[::-1].copy())
     )
@@ -141,10 +141,10 @@ def test_a_part_of_it_is_that_part_and_places_are_kept_between_calls() -> None:
 
 
 def test_parts_of_the_stress_add_up_and_say_how_far_the_break_is() -> None:
-    session = Session(phantom(), vertices=1200)
-    dissection, skin = session.duct.dissection, session.drawn.surfaces[0].skin
+    session = pull_session(phantom(), vertices=1200)
+    dissection, skin = session.tissue.dissection, session.drawn.surfaces[0].skin
     solved = (
-        session.duct.theory.pull(dissection.beam, 25.4)
+        session.planar.theory.pull(dissection.beam, 25.4)
         .to_force(1.0)
         .sample(np.linspace(0.0, 50.8, 33))
     )

@@ -10,7 +10,7 @@ import trimesh
 import viser
 from browser import TrainerPage, newest, trainer_page
 from playwright.sync_api import Browser, expect
-from simulated import phantom, pull, tear
+from simulated import phantom, pull, pull_session, tear
 
 from app.simulation import Phase, Session
 from app.trainer.server.trainer import Trainer
@@ -30,7 +30,7 @@ def middle(height: float) -> np.ndarray:
 
 def contact_of(session: Session) -> Contact:
     """The marks on a session's only surface."""
-    dissection = session.duct.dissection
+    dissection = session.tissue.dissection
     skin = session.drawn.surfaces[0].skin
     return Contact(
         skin, dissection.organ.axis_at(skin.stations), dissection.frame, dissection.clamps, RADIUS
@@ -38,7 +38,7 @@ def contact_of(session: Session) -> Contact:
 
 
 def test_clamps_flatten_the_ends_and_leave_the_rest() -> None:
-    session = Session(phantom())
+    session = pull_session(phantom())
     skin = session.drawn.surfaces[0].skin
     contact = contact_of(session)
     contact.mark(skin.vertices, None)
@@ -53,7 +53,7 @@ def test_clamps_flatten_the_ends_and_leave_the_rest() -> None:
 
 
 def test_hook_lies_in_a_groove_that_deepens_with_the_pull() -> None:
-    session = Session(phantom())
+    session = pull_session(phantom())
     skin, contact = session.drawn.surfaces[0].skin, contact_of(session)
     wire, bend = wire_radius(RADIUS), bend_radius(RADIUS)
     depths = []
@@ -81,7 +81,7 @@ def test_hook_lies_in_a_groove_that_deepens_with_the_pull() -> None:
 
 
 def test_contact_kernel_is_its_python_form() -> None:
-    skin = Session(phantom(), vertices=500).drawn.surfaces[0].skin
+    skin = pull_session(phantom(), vertices=500).drawn.surfaces[0].skin
     arguments = (middle(0.6), np.eye(3), bend_radius(RADIUS), wire_radius(RADIUS))
     compiled, plain = skin.vertices.copy(), skin.vertices.copy()
     shades = np.ones((2, len(skin.vertices)), np.float32)
@@ -92,7 +92,7 @@ def test_contact_kernel_is_its_python_form() -> None:
 
 
 def test_every_surface_knows_its_grids() -> None:
-    session = Session(phantom())
+    session = pull_session(phantom())
     surfaces = [*session.drawn.surfaces]
     tear(session)
     for surface in [*surfaces, *session.drawn.surfaces]:
@@ -116,14 +116,14 @@ def test_every_surface_knows_its_grids() -> None:
 
 def tissue_of(scene: viser.SceneApi, session: Session, contact: Contact) -> Tissue:
     """The picture of a session's only surface."""
-    look = appearance_of(session.duct.dissection.preset)
+    look = appearance_of(session.tissue.dissection.preset)
     return Tissue(scene, "/organ/skin", contact, look=look, radius=RADIUS)
 
 
 def test_streamed_rings_are_where_the_session_has_the_wall_and_go_on_into_the_jaws(
     scene: viser.SceneApi,
 ) -> None:
-    session = Session(phantom())
+    session = pull_session(phantom())
     pull(session, 2.0)
     (surface,) = session.drawn.surfaces
     contact = contact_of(session)
@@ -154,7 +154,7 @@ def test_streamed_rings_are_where_the_session_has_the_wall_and_go_on_into_the_ja
 
 
 def test_jaws_touch_what_they_hold() -> None:
-    session = Session(phantom())
+    session = pull_session(phantom())
     contact = contact_of(session)
     skin = session.drawn.surfaces[0].skin
     contact.mark(skin.vertices, None)
@@ -172,7 +172,7 @@ def test_jaws_touch_what_they_hold() -> None:
 
 
 def test_rings_are_smooth_where_the_half_curves_meet() -> None:
-    session = Session(phantom())
+    session = pull_session(phantom())
     contact, skin = contact_of(session), session.drawn.surfaces[0].skin
     contact.mark(skin.vertices, None)
     turns = []
@@ -281,8 +281,8 @@ def test_slow_page_gets_the_simple_picture_and_a_way_back(
 
 
 def test_torn_is_said_only_of_pieces_that_are_apart() -> None:
-    session = Session(phantom())
-    session.set_target_force(session.duct.force_limit)
+    session = pull_session(phantom())
+    session.set_target_force(session.planar.force_limit)
     while session.reading().phase is not Phase.TORN:
         session.advance()
     rims = []

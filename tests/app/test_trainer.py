@@ -152,7 +152,7 @@ def test_grasp_threshold_theory_and_duct_can_be_chosen(browser: Browser, trainer
         tab.open("Model")
         tab.slide("Threshold (kPa)", 300.0)
         tab.page.locator("[data-testid=readout][data-threshold-kpa='300']").wait_for()
-        assert session.duct.threshold == pytest.approx(0.3)
+        assert session.tissue.threshold == pytest.approx(0.3)
 
         tab.open("Compare")
         tab.choose("Theory", "String (very large deflection)")
@@ -163,7 +163,7 @@ def test_grasp_threshold_theory_and_duct_can_be_chosen(browser: Browser, trainer
         tab.open("Model")
         tab.choose("Duct", "Porcine gallbladder wall, pulled fast")
         tab.wait_for_force(0.0)
-        assert session.duct.dissection.preset.name == "porcine-gallbladder"
+        assert session.tissue.dissection.preset.name == "porcine-gallbladder"
         tab.open("Train")
         tab.slide("Force F (N)", 5.0)
         tab.wait_for_force(5.0)
@@ -186,8 +186,8 @@ def test_values_out_of_range_are_clamped_on_the_server(browser: Browser, trainer
         tab.wait_for_force(1.0)
         message = "{...window.__update, updates: {value: %s}}"
         for value, force in (
-            ("1e9", session.duct.force_limit),
-            ("NaN", session.duct.force_limit),
+            ("1e9", session.planar.force_limit),
+            ("NaN", session.planar.force_limit),
             ("-5", 0.0),
             ("Infinity", 0.0),
             ("'text'", 0.0),
@@ -348,7 +348,7 @@ def test_one_camera_callback_whatever_the_duct(
         for preset in ("porcine-gallbladder", "thesis-bile-duct", "porcine-gallbladder"):
             view.session.choose_preset(preset)
             tab.wait_until(
-                lambda name=preset: view._scene._clamps == view.session.duct.dissection.clamps
+                lambda name=preset: view._scene._clamps == view.session.tissue.dissection.clamps
             )
         assert len(callbacks) == 1
 

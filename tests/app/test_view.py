@@ -319,7 +319,7 @@ def kept(tab: TrainerPage, name: str) -> str | None:
 
 
 def _wished(session: Session) -> float:
-    return session.grasper.slider_force
+    return session.planar.grasper.slider_force
 
 
 SMALL = """() => [...document.querySelectorAll(

@@ -21,8 +21,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 from app.export.bed_export import BedExport
 from app.export.strand_mesh import RADIUS
 from app.export.strands import StrandsSnapshot
-from app.simulation import PIECES, Specimen, preset_named
-from app.simulation.bed import bed_named
+from app.simulation import PIECES, Specimen, bed_named, preset_named
 from assets import BILE_DUCT
 from organ_geometry.mesh import organ_skin
 from organ_geometry.mesh.gltf_file import metres

@@ -10,7 +10,7 @@ from gltf_reader import Gltf
 from other_programs import validated
 from program import refused
 from rigged import walls
-from simulated import phantom
+from simulated import bed_session, phantom, pull_session
 
 from app.command_line.replay import replay
 from app.export.motion import WHOLE
@@ -22,10 +22,9 @@ from app.simulation import (
     Phase,
     Replay,
     RunFile,
-    Session,
+    bed_named,
     run_json,
 )
-from app.simulation.bed import BedSession, bed_named
 from app.simulation.drawn_duct import DrawnDuct
 from organ_geometry.mesh import organ_skin
 from physics import Exact
@@ -39,10 +38,10 @@ SEED = 7
 @cache
 def recorded(*, torn: bool) -> RunFile:
     """A run by hand and by the slider, with another grasp and theory on the way."""
-    session = Session(phantom(), vertices=300, seed=SEED)
-    session.grab(20.0)
+    session = pull_session(phantom(), vertices=300, seed=SEED)
+    session.grab(0, 20.0)
     for drag in (3.0, 5.0, 2.0, 6.0):
-        session.move_hand(drag)
+        session.lift(drag)
         session.advance(6)
     session.release()
     session.advance(8)
@@ -52,21 +51,21 @@ def recorded(*, torn: bool) -> RunFile:
     session.choose_theory(Exact())
     session.advance(10)
     if torn:
-        session.set_target_force(session.duct.force_limit)
+        session.set_target_force(session.planar.force_limit)
         while not session.run.over:
             session.advance()
     return session.run_file()
 
 
 @cache
-def again(*, torn: bool) -> Replay[Session]:
+def again(*, torn: bool) -> Replay:
     """The run in a session of its own."""
-    return Replay(Session, recorded(torn=torn).log, phantom(), vertices=VERTICES)
+    return Replay(recorded(torn=torn).log, phantom(), vertices=VERTICES)
 
 
 @cache
 def played(*, torn: bool, frames: int = 2000) -> RecordedRun:
-    return RecordedRun.of(again(torn=torn), frames=frames)
+    return RecordedRun.of_log(recorded(torn=torn).log, phantom(), frames=frames)
 
 
 @pytest.mark.parametrize("torn", [False, True])
@@ -144,14 +143,14 @@ def test_pieces_have_the_rim_that_was_seen() -> None:
 @pytest.mark.parametrize("frames", [1, 2001])
 def test_too_few_or_too_many_frames_are_refused(frames: int) -> None:
     with pytest.raises(ValueError, match=r"frames must be 2 .* to 2,000"):
-        RecordedRun.of(again(torn=False), frames=frames)
+        RecordedRun.of_log(recorded(torn=False).log, phantom(), frames=frames)
 
 
 def test_a_run_of_no_ticks_is_refused() -> None:
-    session = Session(phantom(), vertices=300)
+    session = pull_session(phantom(), vertices=300)
     session.set_target_force(1.0)
     with pytest.raises(ValueError, match="no ticks has nothing to play"):
-        RecordedRun.of(Replay(Session, session.run_file().log, phantom(), vertices=300), frames=10)
+        RecordedRun.of_log(session.run_file().log, phantom(), frames=10)
 
 
 def test_the_command_writes_what_other_programs_read(
@@ -194,7 +193,7 @@ def test_the_command_refuses_in_one_line_and_leaves_nothing(tmp_path: Path) -> N
 @cache
 def freed() -> RunFile:
     """A dissection with a hook and a grasper."""
-    session = BedSession(phantom(), vertices=300, seed=SEED)
+    session = bed_session(phantom(), vertices=300, seed=SEED)
     start = session.grab(0, 22.0)
     assert start is not None
     for tick in range(30):
@@ -214,40 +213,41 @@ def test_a_dissection_is_played_as_it_was_drawn(tmp_path: Path) -> None:
     (report,) = validated(path)
     assert report["issues"]["messages"] == []
     gltf = Gltf(path.read_bytes())
-    shown = Replay(BedSession, freed().log, phantom(), vertices=300)
+    shown = Replay(freed().log, phantom(), vertices=300)
     skin = organ_skin(phantom(), edge_length=1.2)
     for tick in (0, 12, 30, 45):
         shown.seek_tick(tick)
         session = shown.session
-        bound = skin.bound_to(session.duct.dissection.driving)
+        bound = skin.bound_to(session.tissue.dissection.driving)
         wanted = bound.deform(session.drawn.transforms, np.empty_like(skin.vertices))
         found = gltf.vertices("organ", RUN, tick * TICK_SECONDS)
         for places, wall in zip(found, walls(skin, wanted), strict=True):
             assert np.abs(places - wall).max() < OF_RADIUS * 1e-3 * phantom().mean_radius
-    run = RecordedRun.of_dissection(shown, frames=46)
+    run = RecordedRun.of_log(freed().log, phantom(), frames=46)
     bed = run.motion.bed
     assert bed is not None
-    assert (bed.damage[-1] >= 1.0).sum() == session.reading().parted > 30
+    assert (bed.damage[-1] >= 1.0).sum() == session.reading().broken > 30
     assert run.motion.readings[-1].check.distance_to_break == pytest.approx(
-        1.0 - session.reading().stress_share
+        1.0 - session.reading().stress_ratio
     )
 
 
 def test_a_dissection_that_tears_is_played_until_both_pieces_hang() -> None:
-    session = BedSession(phantom(), bed=bed_named("inflamed"), vertices=300)
+    session = bed_session(phantom(), bed=bed_named("inflamed"), vertices=300)
     start = session.grab(0, 25.0)
     assert start is not None
     for tick in range(120):
         session.move_hand(0, start + np.array([0.0, 0.0, 0.5 * tick]))
         session.advance()
-    assert session.duct.torn is not None
-    again = Replay(BedSession, session.run_file().log, phantom(), vertices=300)
-    run = RecordedRun.of_dissection(again, frames=200)
+    assert session.spatial.torn is not None
+    again = Replay(session.run_file().log, phantom(), vertices=300)
+    run = RecordedRun.of_log(session.run_file().log, phantom(), frames=200)
     motion, whole = run.motion, run.motion.whole
     assert run.torn
     assert 0.0 < motion.readings[int(whole.sum()) - 1].check.distance_to_break < 0.2
-    assert motion.readings[-1].check.station == session.duct.torn.station
+    assert motion.readings[-1].check.station == session.spatial.torn.station
     # At the end each piece is where the trainer draws it.
+    again.seek_tick(10**6)
     surfaces = again.session.drawn.surfaces
     pieces = run.pieces(edge_length=again.session.drawn.edge_length)
     assert pieces is not None

@@ -26,7 +26,6 @@ from app.simulation import (
     read_run,
     run_json,
 )
-from app.simulation.bed import BedSession
 from app.trainer.classroom.class_card import Card, ClassCard
 from app.trainer.classroom.live import Live, live
 from app.trainer.client.client_state import Mode
@@ -273,7 +272,7 @@ class Lesson:
         with member.lock:
             try:
                 view.state.keep_run()
-                there = view.session.duct.dissection
+                there = view.session.tissue.dissection
                 # A pull's threshold and theory can be chosen: a new duct has its own.
                 same = there.organ is self._organ and there.preset == wanted
                 if view.mode != asked.mode or not same or asked.mode == "pull":
@@ -353,7 +352,7 @@ class Lesson:
             client.add_notification("Not here", "This person has no page open.", color="yellow")
             return None
 
-        def find() -> Session | BedSession | None:
+        def find() -> Session | None:
             there = self._here(person_id)
             return None if there is None else there.view.session
 

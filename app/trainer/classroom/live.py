@@ -5,8 +5,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from app.simulation import Dissection, Phase, Session
-from app.simulation.bed import BedSession
+from app.simulation import Dissection, Session
 
 __all__ = ["Live", "live"]
 
@@ -27,19 +26,14 @@ class Live(msgspec.Struct, frozen=True):
     hands: list[tuple[float, float]]  # tips of what holds the duct
 
 
-def live(session: Session | BedSession, *, replaying: bool) -> Live:
+def live(session: Session, *, replaying: bool) -> Live:
     """Return what a session is doing."""
     run = session.run
-    if isinstance(session, BedSession):
-        reading = session.reading()
-        torn, distance = reading.torn_at is not None, reading.distance_to_break
-        hands = [hand.place for hand in session.duct.hands if hand.node is not None]
-        mode, standing = "Dissect", f"{reading.freed:.0f} mm free"
-    else:
-        pulled = session.reading()
-        torn, distance = pulled.phase is not Phase.INTACT, pulled.check.distance_to_break
-        hands = [np.array(pulled.hook)] if pulled.held else []
-        mode, standing = "Pull", f"{pulled.force:.2f} N"
+    reading, in_bed = session.reading(), session.specimen.bed is not None
+    torn, distance = reading.torn_at is not None, reading.distance_to_break
+    hands = [place for place, held in zip(reading.places, reading.holding, strict=True) if held]
+    mode = "Dissect" if in_bed else "Pull"
+    standing = f"{reading.freed:.0f} mm free" if in_bed else f"{reading.force:.2f} N"
     exercise = run.exercise
     if replaying:
         state = "watching a replay"
@@ -60,7 +54,7 @@ def live(session: Session | BedSession, *, replaying: bool) -> Live:
         distance=0.0 if torn else min(max(float(distance), 0.0), 1.0),
         standing=standing,
         progress=run.progress,
-        duct=_outline(session.duct.dissection, session.drawn.transforms),
+        duct=_outline(session.tissue.dissection, session.drawn.transforms),
         hands=[(round(float(x), 1), round(float(z), 1)) for x, _, z in hands],
     )
 

@@ -5,13 +5,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Literal
 
 import viser
 
 from app.compression.build_process import BuildProcess
 from app.simulation import FEW, VERTICES, Feedback, Replay, RunFile, Session, Spread
-from app.simulation.bed import BedSession
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.scene.drag_proxy import Hold
@@ -30,7 +29,6 @@ __all__ = [
 Mode = Literal["dissect", "pull"]
 """A duct freed from its bed, or one pulled without a bed."""
 MODES: tuple[Mode, ...] = ("dissect", "pull")
-SessionT = TypeVar("SessionT", Session, BedSession)
 FORCE_KEY = "F takes its force away, and gives it back."
 PATIENCE = 0.4
 """s of waiting after which the client is told what is being done."""
@@ -60,7 +58,7 @@ class Workers:
             each.stop()
 
 
-class ClientState(ABC, Generic[SessionT]):
+class ClientState(ABC):
     """What the parts of one client's page share. Its methods may be called by any thread.
 
     `plain` is the client's choice of the simple picture; `last_run` the last run that ended or was
@@ -71,12 +69,12 @@ class ClientState(ABC, Generic[SessionT]):
     first_input: str
     counted: str
 
-    def __init__(self, client: viser.ClientHandle, session: SessionT, workers: Workers) -> None:
+    def __init__(self, client: viser.ClientHandle, session: Session, workers: Workers) -> None:
         self.client, self.session, self.workers = client, session, workers
         self.last_run: RunFile | None = None
         self.told: object = session.run if session.run.over else None  # the run whose end was told
         # the replay that is shown in place of the session
-        self.playback: ReplayPlayback[SessionT] | None = None
+        self.playback: ReplayPlayback | None = None
         self._replayed: RunFile | None = None
         self.plain = False
         self.spread: Spread | None = None  # of the ducts of a band beside the distance to break
@@ -97,7 +95,7 @@ class ClientState(ABC, Generic[SessionT]):
         return isinstance(self.playback, LivePlayback)
 
     @property
-    def shown(self) -> SessionT:
+    def shown(self) -> Session:
         """The session that is shown: the client's own, or the replay's."""
         playback = self.playback  # once: another thread may leave it
         return self.session if playback is None else playback.session
@@ -208,7 +206,7 @@ class ClientState(ABC, Generic[SessionT]):
         """Return the run in a file; a `ValueError` if it is not one of this mode."""
 
     @abstractmethod
-    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay[SessionT]:
+    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay:
         """Return a replay of a run, whose skin has about so many vertices."""
 
     def run_csv(self, run: RunFile) -> bytes:
@@ -240,7 +238,7 @@ class ClientState(ABC, Generic[SessionT]):
         self._replayed, self.playback = run, playback
         self._changed = True
 
-    def watch(self, session: SessionT, find: Callable[[], Session | BedSession | None]) -> None:
+    def watch(self, session: Session, find: Callable[[], Session | None]) -> None:
         """Show another page's session in place of this one's, which is stopped meanwhile."""
         self.release_hand()
         self.playback = LivePlayback(session, find)

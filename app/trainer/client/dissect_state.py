@@ -7,18 +7,21 @@ import viser
 from numpy.typing import NDArray
 
 from app.simulation import (
+    HANDS,
     HOLDING,
     INSTRUMENTS,
     VERTICES,
+    BedPreset,
     Exercise,
     Feedback,
     Instrument,
     Preset,
     Replay,
     RunFile,
+    Session,
+    Vector,
     read_run,
 )
-from app.simulation.bed import HANDS, BedSession, bed_named
 from app.trainer.client.client_state import FORCE_KEY, ClientState, Workers
 from app.trainer.scene.bed_scene import Colours
 from app.trainer.scene.drag_proxy import Hold
@@ -35,7 +38,7 @@ TAKES = "button a takes the duct below the hook and lets go of it, as the keys X
 TORN = "A torn duct holds no pull. Press Reset (R) for a new one."
 
 
-class DissectState(ClientState[BedSession]):
+class DissectState(ClientState):
     """What the parts of a page share while it shows a duct in its bed.
 
     `hand` is the number of the active hand, which the mouse on the duct and the keys lead;
@@ -45,7 +48,7 @@ class DissectState(ClientState[BedSession]):
     first_input = "touch"
     counted = "both hands, by mouse, touch or keys."
 
-    def __init__(self, client: viser.ClientHandle, session: BedSession, workers: Workers) -> None:
+    def __init__(self, client: viser.ClientHandle, session: Session, workers: Workers) -> None:
         super().__init__(client, session, workers)
         self.hand = 0
         self.colours: Colours = "tissue"
@@ -60,7 +63,7 @@ class DissectState(ClientState[BedSession]):
     @property
     def instrument(self) -> Instrument:
         """What the active hand has."""
-        return self.session.duct.hands[self.hand].instrument
+        return self.session.spatial.hands[self.hand].instrument
 
     def show(
         self,
@@ -100,14 +103,14 @@ class DissectState(ClientState[BedSession]):
             raise ValueError("This run is a pull. Choose Pull at the top, then open it.")
         return run
 
-    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay[BedSession]:
+    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay:
         """Return a replay of a run, whose skin has about so many vertices."""
-        return Replay(BedSession, run.log, self.session.duct.dissection.organ, vertices=vertices)
+        return Replay(run.log, self.session.tissue.dissection.organ, vertices=vertices)
 
     def offers_follow_from(self) -> object:
         """Return what the exercises offered depend on."""
-        duct = self.session.duct
-        return duct.dissection, duct.bed, duct.seed, duct.threshold
+        duct = self.session.spatial
+        return duct.specimen, duct.threshold
 
     def start_exercise(self, exercise: Exercise, feedback: Feedback) -> None:
         """Start anew with an exercise, in its bed."""
@@ -122,7 +125,7 @@ class DissectState(ClientState[BedSession]):
         self.device_hands = hands
         for hand in range(hands):
             self.session.release(hand)
-            if self.session.duct.hands[hand].instrument != "hook":
+            if self.session.spatial.hands[hand].instrument != "hook":
                 self.session.choose_instrument(hand, "hook")
         self.choose_hand(min(hands, HANDS - 1))
 
@@ -157,7 +160,7 @@ class DissectState(ClientState[BedSession]):
         """Make a hand the active one, with this instrument; one that it has it keeps as it is."""
         if self.playback is not None or self._refuses(hand):
             return
-        wanted = self.session.exercise if self.in_exercise else None
+        wanted = self.session.bed_exercise if self.in_exercise else None
         if wanted is not None and instrument not in wanted.instruments:
             self.refuse(f"This exercise is done with: {', '.join(wanted.instruments)}.")
             return
@@ -167,14 +170,14 @@ class DissectState(ClientState[BedSession]):
 
     def next_instrument(self) -> None:
         """Give the active hand the next instrument."""
-        wanted = self.session.exercise if self.in_exercise else None
+        wanted = self.session.bed_exercise if self.in_exercise else None
         offered = INSTRUMENTS if wanted is None else wanted.instruments
         now = offered.index(self.instrument) if self.instrument in offered else -1
         self.choose_instrument(self.hand, offered[(now + 1) % len(offered)])
 
-    def choose_bed(self, name: str, seed: int) -> None:
-        """Start anew in another bed."""
-        self._renew(lambda: self.session.choose_bed(bed_named(name), seed))
+    def choose_bed(self, bed: BedPreset | None, seed: int) -> None:
+        """Start anew in another bed, or free."""
+        self._renew(lambda: self.session.choose_bed(bed, seed))
 
     def choose_preset(self, preset: Preset) -> None:
         """Start anew with another duct."""
@@ -196,13 +199,13 @@ class DissectState(ClientState[BedSession]):
             self.choose_hand(hold.hand)
         if self._refuses(self.hand):
             return
-        holder = self.session.duct.hands[self.hand]
+        holder = self.session.spatial.hands[self.hand]
         self._led_from = holder.place.copy()
         if hold.station is not None and holder.instrument in HOLDING:
             place = self._take(hold.station)
             if place is None:
                 return
-            self._led_from = place
+            self._led_from = np.array(place)
         self._dragged = self.hand
         self.move_hand(hold)
 
@@ -214,7 +217,7 @@ class DissectState(ClientState[BedSession]):
     def release_hand(self) -> None:
         """Let the mouse go: a hook lets go of the duct, any other instrument stays."""
         hand, self._dragged = self._dragged, None
-        if hand is not None and self.session.duct.hands[hand].instrument == "hook":
+        if hand is not None and self.session.spatial.hands[hand].instrument == "hook":
             self.session.release(hand)
 
     # The keys
@@ -222,7 +225,7 @@ class DissectState(ClientState[BedSession]):
     def nudge(self, way: NDArray[np.float64]) -> None:
         """Move the active hand's tip, (3,) mm in the duct's frame."""
         if self._dragged is None and not self._refuses(self.hand):
-            holder = self.session.duct.hands[self.hand]
+            holder = self.session.spatial.hands[self.hand]
             self.session.move_hand(self.hand, holder.target + way)
 
     def open_jaws(self, opening: float) -> None:
@@ -233,7 +236,7 @@ class DissectState(ClientState[BedSession]):
     def open_more(self, more: float) -> None:
         """Open the active hand's dissector by some mm more, or less."""
         if self.instrument == "dissector":
-            self.open_jaws(self.session.duct.hands[self.hand].target_opening + more)
+            self.open_jaws(self.session.spatial.hands[self.hand].target_opening + more)
         else:
             self.refuse("Only a dissector opens. Press N for the next instrument.")
 
@@ -250,7 +253,7 @@ class DissectState(ClientState[BedSession]):
 
     def take_or_let_go(self) -> None:
         """Let the active hand take the duct below its tip, or let go of what it holds."""
-        holder = self.session.duct.hands[self.hand]
+        holder = self.session.spatial.hands[self.hand]
         if holder.node is not None:
             self.let_go(self.hand)
         elif self.hand < self.device_hands:
@@ -260,9 +263,9 @@ class DissectState(ClientState[BedSession]):
         else:
             self.refuse("Only a hook and a grasper hold. Press N for the next instrument.")
 
-    def _take(self, station: float) -> NDArray[np.float64] | None:
+    def _take(self, station: float) -> Vector | None:
         """Let the active hand take the duct; say why where it cannot."""
         place = self.session.grab(self.hand, station)
         if place is None:
-            self.refuse(NOWHERE if self.session.duct.torn is None else TORN)
+            self.refuse(NOWHERE if self.session.spatial.torn is None else TORN)
         return place

@@ -14,8 +14,7 @@ import pickle
 import numpy as np
 
 from app.haptics.servo_process import BedSetting, DuctSetting, FeltSetting, ServoProcess, Snapshot
-from app.simulation import Phase, Session
-from app.simulation.bed import HANDS, BedSession
+from app.simulation import HANDS, Phase, Session
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.pull_state import PullState
 
@@ -33,10 +32,10 @@ TOUCHED = 0.01
 def felt_in(session: Session) -> DuctSetting:
     """Return the setting that the servo needs for a session's duct."""
     return DuctSetting(
-        session.duct.theory,
-        session.duct.dissection.beam,
-        session.duct.grasp,
-        session.duct.threshold,
+        session.planar.theory,
+        session.tissue.dissection.beam,
+        session.planar.grasp,
+        session.tissue.threshold,
     )
 
 
@@ -116,7 +115,8 @@ class HapticHand:
             self._let_go(state)
         setting = None if watching else felt_in(session)
         self._feel(
-            setting and (session.duct.dissection, setting.theory, setting.grasp, setting.threshold),
+            setting
+            and (session.tissue.dissection, setting.theory, setting.grasp, setting.threshold),
             setting,
         )
         snapshot = self._snapshot()
@@ -128,7 +128,7 @@ class HapticHand:
         if not self._holds[0]:
             return
         # Torn already in the servo: move on until the session tears too, at the same stress.
-        session.move_hand(session.duct.deflection_limit if torn else peak)
+        session.lift(session.planar.deflection_limit if torn else peak)
         if peak <= LEFT and not torn:
             self._holds[0] = False
             state.release()
@@ -137,7 +137,7 @@ class HapticHand:
 
     def _dissect(self, state: DissectState) -> None:
         session = state.session
-        duct, run = session.duct, session.run
+        duct, run = session.spatial, session.run
         watching = state.playback is not None or state.paused or state.force_off
         if watching or duct.torn is not None:
             if self._felt is not None and duct.torn is None:
@@ -168,16 +168,16 @@ class HapticHand:
                 if not any(self._holds[:hand] + self._holds[hand + 1 :]):
                     self._felt = "let go"  # the next tick begins with what the session has
             self._holds[hand] = held
-            target = session.duct.hands[hand].target
+            target = session.spatial.hands[hand].target
             if held or np.abs(hook.tip - target).max() > TOUCHED:
                 session.move_hand(hand, hook.tip)
 
-    def _in_bed(self, session: BedSession) -> BedSetting:
+    def _in_bed(self, session: Session) -> BedSetting:
         beam, touch = session.beam_touched_by(HANDS - 1)
-        tips = np.array([hand.target for hand in session.duct.hands[: self._hands]])
+        tips = np.array([hand.target for hand in session.spatial.hands[: self._hands]])
         other = None if self._hands == HANDS else touch
         self._led = None
-        return BedSetting(beam, tips, session.duct.threshold, other)
+        return BedSetting(beam, tips, session.tissue.threshold, other)
 
     def _lead_other(self, state: DissectState) -> None:
         """Tell the servo what the hand of mouse and keys does, and what the keys hold."""

@@ -2,8 +2,7 @@
 
 from threading import Lock
 
-from app.simulation import Preset, Session
-from app.simulation.bed import BedSession
+from app.simulation import Preset, Session, free_specimen, specimen_in_bed
 from app.trainer.client.client_state import Mode
 from organ_geometry import Organ
 
@@ -18,27 +17,27 @@ class Practice:
         self.mode: Mode | None = mode  # None until a page has opened
         self._lock = Lock()
         self._pull: Session | None = None
-        self._dissect: BedSession | None = None
+        self._dissect: Session | None = None
 
     @property
     def pull(self) -> Session:
         """The session without a bed."""
         with self._lock:
             if self._pull is None:
-                self._pull = Session(self._organ, self._preset)
+                self._pull = Session(free_specimen(self._organ, self._preset))
             return self._pull
 
     @property
-    def dissect(self) -> BedSession:
+    def dissect(self) -> Session:
         """The session in a bed, of the organ that was chosen last."""
         with self._lock:
             if self._pull is not None:
-                chosen = self._pull.duct.dissection
+                chosen = self._pull.tissue.dissection
                 if chosen.organ is not self._organ:
                     self._organ, self._preset = chosen.organ, chosen.preset
                     self._dissect = None
             if self._dissect is None:
-                self._dissect = BedSession(self._organ, self._preset)
+                self._dissect = Session(specimen_in_bed(self._organ, self._preset))
             return self._dissect
 
     def renew(self, organ: Organ, preset: Preset | None) -> None:

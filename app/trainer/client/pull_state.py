@@ -31,7 +31,7 @@ COUNTED: dict[ExerciseInputs, str] = {
 HAND_ONLY = "In this exercise only your hand counts: drag the duct or the hook."
 
 
-class PullState(ClientState[Session]):
+class PullState(ClientState):
     """What the parts of a page share while it shows a duct without a bed.
 
     `heat` and `overlay` are the client's choices: stress on the surface, the model's points.
@@ -77,9 +77,9 @@ class PullState(ClientState[Session]):
             )
         return run
 
-    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay[Session]:
+    def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay:
         """Return a replay of a run, whose skin has about so many vertices."""
-        return Replay(Session, run.log, self.session.duct.dissection.organ, vertices=vertices)
+        return Replay(run.log, self.session.tissue.dissection.organ, vertices=vertices)
 
     def reset(self) -> None:
         """Make the duct whole and bring the view home; the next pull starts a run."""
@@ -115,7 +115,7 @@ class PullState(ClientState[Session]):
     def offers_follow_from(self) -> object:
         """Return what the exercises offered depend on."""
         session = self.session
-        duct = session.duct
+        duct = session.planar
         return duct.dissection, duct.theory, session.task_grasp, duct.threshold
 
     def start_again(self, run: RunFile) -> None:
@@ -135,7 +135,7 @@ class PullState(ClientState[Session]):
     def grab_by_device(self) -> bool:
         """Grab the duct with the device's hand, at the hook; return whether it holds."""
         self._begin_anew(True)
-        return self.session.grab(self.session.duct.grasp) is not None
+        return self.session.grab(0, self.session.planar.grasp) is not None
 
     def set_target_force(self, force: float) -> None:
         """Pull with the slider's force; once a run is over, this starts a new one."""
@@ -165,14 +165,15 @@ class PullState(ClientState[Session]):
             self.refuse("A torn duct holds no pull. Press Reset (R) for a new one.")
             return
         self._begin_anew(True)
-        station = session.duct.grasp if hold.station is None else hold.station
-        self._held_from = session.grab(station)
+        station = session.planar.grasp if hold.station is None else hold.station
+        held = session.grab(0, station)
+        self._held_from = None if held is None else held[2]
         self.move_hand(hold)
 
     def move_hand(self, hold: Hold) -> None:
         """Move the hand that has grabbed the duct."""
         if self._held_from is not None:
-            self.session.move_hand(self._held_from + float(hold.moved[2]))
+            self.session.move_hand(0, (0.0, 0.0, self._held_from + float(hold.moved[2])))
 
     def release_hand(self) -> None:
         """Release the duct, if a hand holds it."""

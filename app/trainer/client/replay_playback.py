@@ -3,10 +3,8 @@
 import math
 import time
 from collections.abc import Callable
-from typing import Generic, TypeVar
 
 from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, Replay, Session
-from app.simulation.bed import BedSession
 
 __all__ = ["LivePlayback", "ReplayPlayback"]
 
@@ -20,10 +18,7 @@ SEEK_TICKS = 5
 LIVE_TICKS = 3
 
 
-SessionT = TypeVar("SessionT", Session, BedSession)
-
-
-class ReplayPlayback(Generic[SessionT]):
+class ReplayPlayback:
     """A replayed run. Any thread may ask for a moment; only the clock's `tick` goes there.
 
     A jump back replays the run from its start, over several ticks if that takes long.
@@ -31,7 +26,7 @@ class ReplayPlayback(Generic[SessionT]):
 
     title = "Replay"
 
-    def __init__(self, replay: Replay[SessionT]) -> None:
+    def __init__(self, replay: Replay) -> None:
         self._replay = replay
         self._last = self._replay.ticks
         self.duration = self._replay.duration  # s, the run and the recoil of the torn pieces
@@ -42,7 +37,7 @@ class ReplayPlayback(Generic[SessionT]):
         self._moved = True
 
     @property
-    def session(self) -> SessionT:
+    def session(self) -> Session:
         """The session that is taken through the run; to be read only."""
         return self._replay.session
 
@@ -104,7 +99,7 @@ class ReplayPlayback(Generic[SessionT]):
         self._at = tick
 
 
-class LivePlayback(ReplayPlayback[SessionT]):
+class LivePlayback(ReplayPlayback):
     """The session of another page as it goes on there; `find` returns it, or None once it is gone.
 
     What is shown stays where it was while the other page shows the other mode.
@@ -112,14 +107,14 @@ class LivePlayback(ReplayPlayback[SessionT]):
 
     title = "Live"
 
-    def __init__(self, session: SessionT, find: Callable[[], Session | BedSession | None]) -> None:
+    def __init__(self, session: Session, find: Callable[[], Session | None]) -> None:
         self._session, self._find = session, find
         self._ticks = 0
         self.duration = 0.0
         self.playing = False
 
     @property
-    def session(self) -> SessionT:
+    def session(self) -> Session:
         """The session that is watched; to be read only."""
         return self._session
 
@@ -146,6 +141,6 @@ class LivePlayback(ReplayPlayback[SessionT]):
             return False
         self._ticks = 0
         found = self._find()
-        if isinstance(found, type(self._session)):
+        if found is not None and found.specimen.bed == self._session.specimen.bed:
             self._session = found
         return True

@@ -38,13 +38,13 @@ class Download(NamedTuple):
 
 def export_on_screen(session: Session, vertices: int) -> PullExport:
     """Return a session's duct: its theory, grasp, force and threshold, or its tear."""
-    dissection, grasp, reading = session.duct.dissection, session.duct.grasp, session.reading()
+    dissection, grasp, reading = session.tissue.dissection, session.planar.grasp, session.reading()
     export = PullExport(
         Specimen(
             dissection.preset,
             dissection.organ,
-            theory=session.duct.theory,
-            threshold_MPa=session.duct.threshold,
+            theory=session.planar.theory,
+            threshold_MPa=session.tissue.threshold,
         ),
         grasp,
         torn=reading.phase is not Phase.INTACT,
@@ -70,18 +70,18 @@ def download(session: Session, suffix: str, vertices: int) -> Download:
     # break. Where nothing breaks, the grasper's largest force is the end.
     if suffix not in SUFFIXES:
         raise ValueError(f"a download must be one of {', '.join(SUFFIXES)}, got {suffix!r}")
-    name = file_name(session.duct.dissection.organ)
+    name = file_name(session.tissue.dissection.organ)
     return Download(f"{name}{suffix}", _content(session, suffix, vertices))
 
 
 def _content(session: Session, suffix: str, vertices: int) -> bytes:
-    organ = session.duct.dissection.organ
+    organ = session.tissue.dissection.organ
     if suffix == ".organ":
         return organ_content(organ)
     export = export_on_screen(session, vertices)
     if suffix in (".stl", ".vtp"):
         return export.content(suffix)
-    export = _moving(export, session.duct.force_limit, whole_curve=suffix == ".csv")
+    export = _moving(export, session.planar.force_limit, whole_curve=suffix == ".csv")
     if suffix == ".html":
         return export_page(export, edge_length=page_edge_length(organ)).encode()
     return export.content(suffix)

@@ -3,8 +3,7 @@
 import html
 import math
 
-from app.simulation import Spread
-from app.simulation.bed import BedReading, BedSession
+from app.simulation import Reading, Session, Spread
 from app.trainer.panel.controls import figure, term
 from app.trainer.panel.readout import (
     TORN,
@@ -27,27 +26,27 @@ ENERGY = (
 )
 
 
-def bed_zone(reading: BedReading) -> str:
+def bed_zone(reading: Reading) -> str:
     """Return the word for the distance to break."""
     return distance_zone(reading.distance_to_break) if reading.torn_at is None else TORN
 
 
-def bed_phase(reading: BedReading) -> str:
+def bed_phase(reading: Reading) -> str:
     """Return whether the duct is intact or torn."""
     return "intact" if reading.torn_at is None else "torn"
 
 
-def bed_readout_html(reading: BedReading, state: str = "", spread: Spread | None = None) -> str:
+def bed_readout_html(reading: Reading, state: str = "", spread: Spread | None = None) -> str:
     """Return the read-out as HTML."""
     torn = reading.torn_at is not None
-    forces = [math.hypot(*force) for force in reading.forces.tolist()]
-    books, peak = reading.books, min(reading.peak_share, 1.0)
+    forces = [math.hypot(*force) for force in reading.forces]
+    books, peak = reading.energy, min(reading.peak_stress_ratio, 1.0)
     # The first touch is all stretch: no share is told of less than a hundredth of a millijoule.
     economy = books.dissipated / books.work if books.work > 0.01 else None
     cells = "".join(
         (
             cell(term("Freed", FREED), figure(reading.freed), "mm"),
-            cell(term("Strands parted", PARTED), f"{reading.parted}", f"of {reading.strands}"),
+            cell(term("Strands parted", PARTED), f"{reading.broken}", f"of {reading.strands}"),
             cell(term("Peak", PEAK), f"{100.0 * peak:.0f}", "% of break"),
             *(
                 cell(term(hand, FORCE), figure(force), "N")
@@ -65,8 +64,8 @@ def bed_readout_html(reading: BedReading, state: str = "", spread: Spread | None
         "height:10px;background:rgba(255,255,255,.65)'></div>"
     )
     distance = None if torn else reading.distance_to_break
-    where = reading.torn_at if reading.torn_at is not None else reading.station
-    stressed = torn or reading.stress_share > 0.005
+    where = reading.torn_at if reading.torn_at is not None else reading.check.station
+    stressed = torn or reading.stress_ratio > 0.005
     place = (
         f"{'Tore' if torn else 'Highest stress'} {where:.1f} mm from the left clamp"
         if stressed
@@ -75,8 +74,8 @@ def bed_readout_html(reading: BedReading, state: str = "", spread: Spread | None
     return (
         f"<div data-testid='readout' data-phase='{bed_phase(reading)}'"
         f" data-distance-to-break='{0.0 if torn else reading.distance_to_break:.6g}'"
-        f" data-freed-mm='{reading.freed:.6g}' data-parted='{reading.parted}'"
-        f" data-peak='{reading.peak_share:.6g}' data-worst-mm='{where:.6g}'"
+        f" data-freed-mm='{reading.freed:.6g}' data-parted='{reading.broken}'"
+        f" data-peak='{reading.peak_stress_ratio:.6g}' data-worst-mm='{where:.6g}'"
         f" data-force-left-n='{forces[0]:.6g}' data-force-right-n='{forces[1]:.6g}'"
         f" data-into-strands-mj='{books.dissipated:.6g}' data-work-mj='{books.work:.6g}'"
         f"{distance_html(distance, bed_zone(reading), state, spread, mark)}"
@@ -85,12 +84,14 @@ def bed_readout_html(reading: BedReading, state: str = "", spread: Spread | None
     )
 
 
-def bed_html(session: BedSession) -> str:
+def bed_html(session: Session) -> str:
     """Return which duct lies in which bed, as HTML."""
-    duct = session.duct
-    name = duct.dissection.organ.name or "Your organ"
+    specimen = session.specimen
+    name = session.tissue.dissection.organ.name or "Your organ"
+    where = "free, held by its clamps alone"
+    if specimen.bed is not None:
+        where = f"in <b>{html.escape(specimen.bed.title)}</b>, bed {specimen.bed_seed}"
     return (
         "<div data-testid='duct' style='padding:0 14px 6px;font-size:11px;line-height:1.35'>"
-        f"<b>{html.escape(name)}</b> in <b>{html.escape(duct.bed.title)}</b>, bed {duct.seed}."
-        "</div>"
+        f"<b>{html.escape(name)}</b> {where}.</div>"
     )

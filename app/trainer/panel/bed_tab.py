@@ -2,8 +2,7 @@
 
 import viser
 
-from app.simulation import fits, presets
-from app.simulation.bed import bed_presets
+from app.simulation import BedPreset, bed_presets, fits, presets
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.panel.controls import (
     heading,
@@ -19,6 +18,7 @@ from app.trainer.panel.spread_box import SpreadBox
 __all__ = ["BedTab"]
 
 MOST_SEED = 9999
+NO_BED = "None: a free duct"
 
 
 class BedTab:
@@ -26,18 +26,19 @@ class BedTab:
 
     def __init__(self, gui: viser.GuiApi, state: DissectState) -> None:
         self._state = state
-        duct = state.session.duct
-        organ, preset = duct.dissection.organ, duct.dissection.preset
-        self._beds = {bed.title: bed for bed in bed_presets().values()}
+        duct = state.session.specimen
+        organ, preset = duct.dissection.organ, duct.preset
+        self._beds: dict[str, BedPreset | None] = {bed.title: bed for bed in bed_presets().values()}
+        self._beds[NO_BED] = None
         self._bed = gui.add_dropdown(
             "Bed",
             tuple(self._beds),
-            initial_value=duct.bed.title,
+            initial_value=_title(duct.bed),
             hint="The tissue that holds the duct, with its source below",
         )
         self._seed = gui.add_number(
             "Bed's number",
-            duct.seed,
+            duct.bed_seed,
             min=1,
             max=MOST_SEED,
             step=1,
@@ -58,7 +59,7 @@ class BedTab:
             initial_value=state.plain,
             hint="Two colours and no gloss, for a page that draws slowly",
         )
-        self._spread = SpreadBox(gui, state, lambda: state.session.duct.dissection.preset)
+        self._spread = SpreadBox(gui, state, lambda: state.session.tissue.dissection.preset)
         self._about = gui.add_html("")
         self._shown: object = None
         on_work(self._bed, lambda _: self._choose_bed())
@@ -73,44 +74,55 @@ class BedTab:
         self._spread.show()
         for handle in (self._bed, self._seed, self._preset):
             set_if_changed(handle, disabled=state.in_exercise or state.playback is not None)
-        duct = state.session.duct
-        shown = (duct.bed, duct.seed, duct.dissection.preset)
+        duct = state.session.specimen
+        shown = (duct.bed, duct.bed_seed, duct.preset)
         if shown == self._shown:
             return
         self._shown = shown
-        set_if_changed(self._bed, value=duct.bed.title)
-        set_if_changed(self._seed, value=duct.seed)
-        set_if_changed(self._preset, value=duct.dissection.preset.label)
+        set_if_changed(self._bed, value=_title(duct.bed))
+        set_if_changed(self._seed, value=duct.bed_seed)
+        set_if_changed(self._preset, value=duct.preset.label)
         self._about.content = self._about_html()
 
     def _choose_bed(self) -> None:
-        state, duct = self._state, self._state.session.duct
-        bed = self._beds.get(self._bed.value)
+        state, duct = self._state, self._state.session.specimen
+        bed = self._beds.get(self._bed.value, duct.bed)
         wanted = number(self._seed.value)
-        seed = round(wanted) if 1 <= wanted <= MOST_SEED else duct.seed
-        if bed is None or state.in_exercise or (bed, seed) == (duct.bed, duct.seed):
+        seed = round(wanted) if 1 <= wanted <= MOST_SEED else duct.bed_seed
+        if state.in_exercise or (bed, seed) == (duct.bed, duct.bed_seed):
             return
-        state.attempt("Preparing the bed.", lambda: state.choose_bed(bed.name, seed))
+        state.attempt("Preparing the bed.", lambda: state.choose_bed(bed, seed))
 
     def _choose_preset(self, label: object) -> None:
         state, preset = self._state, self._presets.get(str(label))
-        if preset is None or state.in_exercise or preset == state.session.duct.dissection.preset:
+        if preset is None or state.in_exercise or preset == state.session.tissue.dissection.preset:
             return
         state.attempt("Preparing the duct.", lambda: state.choose_preset(preset))
 
     def _about_html(self) -> str:
-        duct = self._state.session.duct
-        bed, preset = duct.bed, duct.dissection.preset
+        duct = self._state.session.specimen
+        bed, preset = duct.bed, duct.preset
+        held = (
+            ()
+            if bed is None
+            else (
+                (bed.title, bed.description),
+                (
+                    "Energy to part it",
+                    f"{bed.toughness_J_m2:g} J/m² of the duct's surface that it holds.",
+                ),
+                ("Source", bed.source),
+                (f"Confidence: {bed.confidence}", bed.confidence_note),
+            )
+        )
         return heading("Where these figures come from") + paragraphs_html(
-            (bed.title, bed.description),
-            (
-                "Energy to part it",
-                f"{bed.toughness_J_m2:g} J/m² of the duct's surface that it holds.",
-            ),
-            ("Source", bed.source),
-            (f"Confidence: {bed.confidence}", bed.confidence_note),
+            *held,
             (preset.label, preset.description),
             ("Strength as given", preset.strength),
             ("Source", preset.source),
             (f"Confidence: {preset.confidence}", preset.confidence_note),
         )
+
+
+def _title(bed: BedPreset | None) -> str:
+    return NO_BED if bed is None else bed.title

@@ -42,7 +42,7 @@ class CompareTab:
         self._theory = gui.add_dropdown(
             "Theory",
             tuple(OFFERED_THEORIES),
-            initial_value=_label(session.duct.theory),
+            initial_value=_label(session.planar.theory),
             hint="How the beam is solved; each theory has its own threshold",
         )
         self._ghost = gui.add_dropdown(
@@ -70,7 +70,7 @@ class CompareTab:
         settled = reading.phase is Phase.INTACT and not state.in_exercise and live
         set_if_changed(self._theory, visible=settled)
         for handle, value in (
-            (self._theory, _label(session.duct.theory)),
+            (self._theory, _label(session.planar.theory)),
             (self._ghost, self._ghost_label()),
         ):
             if not self._choosing:
@@ -99,7 +99,7 @@ class CompareTab:
     def _choose_theory(self, label: object) -> None:
         theory = OFFERED_THEORIES.get(str(label))
         state = self._state
-        if theory is None or theory == state.session.duct.theory or state.in_exercise:
+        if theory is None or theory == state.session.planar.theory or state.in_exercise:
             return
         self._choose(f"Preparing: {label}.", lambda: state.session.choose_theory(theory))
 
@@ -114,7 +114,7 @@ class CompareTab:
             self._state.attempt(f"{what} {_FIRST_TIME}", action)
         finally:
             self._choosing -= 1
-        self._theory.value = _label(self._state.session.duct.theory)
+        self._theory.value = _label(self._state.session.planar.theory)
         self._ghost.value = self._ghost_label()
 
     def _ghost_label(self) -> str:

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from app.simulation.bed import BedReading
+from app.simulation import Reading
 from app.trainer.client.dissect_state import NUDGE, DissectState
 from app.trainer.pages.dissection_files import RUN_SUFFIXES, run_download
 from app.trainer.pages.downloads import Download
@@ -26,7 +26,7 @@ from app.trainer.stage.heat_map import freed_legend_html, heat_legend_html
 __all__ = ["DissectPanel"]
 
 
-class DissectPanel(ModePanel[DissectState, BedReading]):
+class DissectPanel(ModePanel[DissectState]):
     """The panel of a duct in its bed."""
 
     def __init__(self, state: DissectState) -> None:
@@ -71,7 +71,7 @@ class DissectPanel(ModePanel[DissectState, BedReading]):
         """Whether the plot has to go on although nothing has moved."""
         return self._hands.plot.lags(self._state.shown)
 
-    def show(self, reading: BedReading) -> None:
+    def show(self, reading: Reading) -> None:
         """Show a reading."""
         state, visible = self._state, self._state.figures_visible
         if visible:
@@ -82,7 +82,7 @@ class DissectPanel(ModePanel[DissectState, BedReading]):
             zone = "" if reading.torn_at is None else TORN
         legends = {
             "tissue": "",
-            "stress": heat_legend_html(state.shown.duct.threshold),
+            "stress": heat_legend_html(state.shown.tissue.threshold),
             "freed": freed_legend_html(),
         }
         self._show_common(
@@ -97,5 +97,5 @@ class DissectPanel(ModePanel[DissectState, BedReading]):
     def _export(self, suffix: str) -> Download:
         state = self._state
         state.require_no_exercise()
-        organ = state.session.duct.dissection.organ
+        organ = state.session.tissue.dissection.organ
         return run_download(state.run_at_hand(), organ, suffix, state.workers.export_vertices)

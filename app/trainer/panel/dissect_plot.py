@@ -6,8 +6,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from app.simulation import TICK_SECONDS
-from app.simulation.bed import HANDS, BedReading, BedSession
+from app.simulation import HANDS, TICK_SECONDS, Reading, Session
 from app.trainer.panel.controls import on_input, set_if_changed
 from app.trainer.panel.plots import (
     AXIS_COLOUR,
@@ -76,7 +75,7 @@ class DissectPlot:
         self._key = gui.add_html(self._keys[0])
         on_input(self._wanted, lambda _: self._draw())
 
-    def show(self, session: BedSession, reading: BedReading, *, figures: bool) -> None:
+    def show(self, session: Session, reading: Reading, *, figures: bool) -> None:
         """Add what the instruments show now; forget all where figures are hidden."""
         run, rows = session.run, self._rows
         if not figures or run is not self._run or run.seconds < rows[0, -1]:  # or gone back in time
@@ -90,12 +89,12 @@ class DissectPlot:
                 rows[0, -1] = run.seconds - TICK_SECONDS
             rows[:, :-1] = rows[:, 1:]
             rows[0, -1] = run.seconds
-            rows[1:-2, -1] = [math.hypot(*force) for force in reading.forces.tolist()]
+            rows[1:-2, -1] = [math.hypot(*force) for force in reading.forces]
             rows[-2, -1] = 100.0 * max(0.0, reading.distance_to_break)
             rows[-1, -1] = 100.0 * (1.0 - limits.get("peak_stress_ratio", math.nan))
         self._draw()
 
-    def lags(self, session: BedSession) -> bool:
+    def lags(self, session: Session) -> bool:
         """Whether time has gone by that moves what is drawn: level lines stay as they are."""
         rows, run = self._rows, session.run
         if not self._chart.visible or run is not self._run:

@@ -1,7 +1,6 @@
 """Exercises: choose one, read its goal and limit, do it, and see the result."""
 
 import html
-from typing import Any
 
 import viser
 
@@ -22,7 +21,7 @@ NONE, AWAITED = "This duct cannot break", "Working out its limits"
 class ExerciseTab:
     """The tab of exercises."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState[Any]) -> None:
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state
         self._offered: dict[str, Exercise] = {}
         self._key: object = None

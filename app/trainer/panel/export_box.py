@@ -1,7 +1,6 @@
 """Export: what is on the screen, as a file for other tools."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import viser
 
@@ -14,7 +13,7 @@ __all__ = ["add_export"]
 
 def add_export(
     gui: viser.GuiApi,
-    state: ClientState[Any],
+    state: ClientState,
     suffixes: Mapping[str, str],
     make: Callable[[str], Download],
     hint: str,

@@ -1,7 +1,6 @@
 """What the panels of both modes share: how they look, the choice of the mode, and the keys."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import viser
 from viser import theme
@@ -24,7 +23,7 @@ SHOWN: dict[Mode, tuple[str, str]] = {
 }
 
 
-def dress_panel(gui: viser.GuiApi, state: ClientState[Any], mode: Mode) -> None:
+def dress_panel(gui: viser.GuiApi, state: ClientState, mode: Mode) -> None:
     """Set the panel's theme and place, and begin it with the choice of the mode."""
     gui.configure_theme(
         titlebar_content=theme.TitlebarConfig(
@@ -61,7 +60,7 @@ def add_disclaimer(gui: viser.GuiApi) -> None:
 
 
 def add_keys(
-    state: ClientState[Any],
+    state: ClientState,
     keys: Sequence[Key],
     actions: Mapping[str, Callable[[], object]],
     anytime: Mapping[str, Callable[[], object]],

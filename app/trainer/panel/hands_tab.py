@@ -4,8 +4,7 @@ from functools import partial
 
 import viser
 
-from app.simulation import Instrument
-from app.simulation.bed import MOST_OPENING, BedReading
+from app.simulation import MOST_OPENING, Instrument, Reading
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.panel.bed_readout import HANDS
 from app.trainer.panel.controls import Choice, note, number, on_click, on_input, set_if_changed
@@ -86,10 +85,10 @@ class HandsTab:
         for hand, button in enumerate(self._release):
             on_click(button, partial(state.let_go, hand))
 
-    def show(self, reading: BedReading) -> None:
+    def show(self, reading: Reading) -> None:
         """Show a reading."""
         state = self._state
-        hands = state.shown.duct.hands
+        hands = state.shown.spatial.hands
         for number_, (choice, hand) in enumerate(zip(self._hands, hands, strict=True)):
             choice.show(hand.instrument, active=number_ == state.hand)
         holder = hands[state.hand]
@@ -99,7 +98,7 @@ class HandsTab:
         if self._jaws.value != holder.target_opening:
             self._jaws.value = holder.target_opening
         live = state.playback is None
-        for button, held in zip(self._release, reading.held, strict=True):
+        for button, held in zip(self._release, reading.holding, strict=True):
             set_if_changed(button, visible=held and live)
         set_if_changed(self._pause, visible=live and not state.in_exercise)
         set_if_changed(self._reset, visible=live)

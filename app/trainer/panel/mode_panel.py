@@ -2,12 +2,11 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import viser
 
 from app.simulation import Reading, RunFile
-from app.simulation.bed import BedReading
 from app.trainer.client.client_state import ClientState, Mode
 from app.trainer.panel.controls import on_click, set_if_changed
 from app.trainer.panel.exercise_tab import ExerciseTab
@@ -20,11 +19,10 @@ from app.trainer.viser_bridge.page import announce, open_tab, take_arrows
 
 __all__ = ["ModePanel"]
 
-StateT = TypeVar("StateT", bound=ClientState[Any])
-ReadingT = TypeVar("ReadingT", Reading, BedReading)
+StateT = TypeVar("StateT", bound=ClientState)
 
 
-class ModePanel(ABC, Generic[StateT, ReadingT]):
+class ModePanel(ABC, Generic[StateT]):
     """One client's panel: it passes inputs to the session and shows its readings."""
 
     def __init__(self, state: StateT, mode: Mode, open_result: ResultPage[StateT]) -> None:
@@ -66,7 +64,7 @@ class ModePanel(ABC, Generic[StateT, ReadingT]):
         self.show(state.shown.reading())
 
     @abstractmethod
-    def show(self, reading: ReadingT) -> None:
+    def show(self, reading: Reading) -> None:
         """Show a reading."""
 
     def show_result(self, run: RunFile) -> None:

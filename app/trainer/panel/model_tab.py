@@ -68,10 +68,10 @@ class ModelTab:
             hint="Two colours and no gloss, for a page that draws slowly",
         )
         gui.add_html(note(_POINTS))
-        self._spread = SpreadBox(gui, state, lambda: state.session.duct.dissection.preset)
+        self._spread = SpreadBox(gui, state, lambda: state.session.tissue.dissection.preset)
         self._thresholds = gui.add_html("")
         self._about = gui.add_html(self._about_html())
-        self._model: object = (session.duct.dissection, session.duct.theory)
+        self._model: object = (session.tissue.dissection, session.planar.theory)
         self._solve_thresholds()
         on_work(self._preset, self._choose_preset)
         on_input(self._threshold, lambda kpa: self._set_threshold(number(kpa) / KPA_PER_MPA))
@@ -92,7 +92,7 @@ class ModelTab:
     def take_ranges(self) -> None:
         """Bring the inputs and the text in line with the session's model."""
         session = self._state.session
-        model = (session.duct.dissection, session.duct.theory)
+        model = (session.tissue.dissection, session.planar.theory)
         if model == self._model:
             return
         self._model = model
@@ -111,9 +111,9 @@ class ModelTab:
     def _offered(self) -> dict[str, Preset]:
         """Return the presets to choose from, by title, with the user's last own one."""
         session = self._state.session
-        presets, organ = session.presets_offered(), session.duct.dissection.organ
-        if not session.duct.dissection.preset.ships:
-            self._own = session.duct.dissection.preset
+        presets, organ = session.presets_offered(), session.tissue.dissection.organ
+        if not session.tissue.dissection.preset.ships:
+            self._own = session.tissue.dissection.preset
         elif self._own is not None and fits(organ, self._own):
             presets.append(self._own)
         offered: dict[str, Preset] = {}
@@ -123,7 +123,7 @@ class ModelTab:
         return offered
 
     def _title(self) -> str:
-        now = self._state.session.duct.dissection.preset
+        now = self._state.session.tissue.dissection.preset
         titles = (title for title, preset in self._titles.items() if preset == now)
         return next(titles, now.label)
 
@@ -133,7 +133,7 @@ class ModelTab:
 
     def _choose_preset(self, title: object) -> None:
         state, preset = self._state, self._titles.get(str(title))
-        now = state.session.duct.dissection.preset
+        now = state.session.tissue.dissection.preset
         if preset is None or preset == now or state.in_exercise:
             return
         state.attempt("Preparing the duct.", lambda: state.choose_preset(preset))
@@ -141,9 +141,9 @@ class ModelTab:
 
     def _threshold_scale(self) -> tuple[float, float, float, float]:
         """Return the threshold slider's ends, step and value, kPa, in round numbers."""
-        low, high = (KPA_PER_MPA * end for end in self._state.session.duct.threshold_range)
+        low, high = (KPA_PER_MPA * end for end in self._state.session.planar.threshold_range)
         step = slider_step(high)
-        value = KPA_PER_MPA * self._state.session.duct.threshold
+        value = KPA_PER_MPA * self._state.session.tissue.threshold
         low, high, value = (round(step * round(end / step), 9) for end in (low, high, value))
         return low, high, step, value
 
@@ -155,7 +155,7 @@ class ModelTab:
             rows: list[tuple[str, str, str]] = []
             for label, theory in OFFERED_THEORIES.items():
                 try:
-                    found = BeamModel.of(state.session.duct.dissection, theory)
+                    found = BeamModel.of(state.session.tissue.dissection, theory)
                 except ValueError:
                     threshold, force = "–", "ends before"
                 else:
@@ -178,9 +178,10 @@ class ModelTab:
 
     def _about_html(self) -> str:
         session = self._state.session
-        preset, beam = session.duct.dissection.preset, session.duct.dissection.beam
+        preset, beam = session.tissue.dissection.preset, session.tissue.dissection.beam
         geometry = (
-            f"{session.duct.dissection.section(session.duct.theory)}. Area {beam.area:.1f} mm², "
+            f"{session.tissue.dissection.section(session.planar.theory)}. "
+            f"Area {beam.area:.1f} mm², "
             f"second moment {beam.second_moment:.0f} mm⁴, outer fibre at "
             f"{beam.fibre_distance:.2f} mm. Young's modulus {KPA_PER_MPA * beam.modulus:,.0f} kPa, "
             f"Poisson's ratio {beam.poisson_ratio:g}."

@@ -7,8 +7,7 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
-from app.simulation import ApproachBreak, Exercise, Series, loading_rates
-from app.simulation.bed import HANDS
+from app.simulation import HANDS, ApproachBreak, Exercise, Series, loading_rates
 
 __all__ = [
     "AXIS_COLOUR",

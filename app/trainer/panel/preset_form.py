@@ -98,12 +98,12 @@ class PresetForm:
 
     def show(self) -> None:
         """Put the numbers of the preset in use into the fields, if it has changed."""
-        dissection = self._state.session.duct.dissection
+        dissection = self._state.session.tissue.dissection
         if dissection is self._dissection:
             return
         self._dissection, preset = dissection, dissection.preset
         first, second = dissection.clamps
-        model = BeamModel.of(dissection, self._state.session.duct.theory)
+        model = BeamModel.of(dissection, self._state.session.planar.theory)
         stress, force = preset.break_stress_MPa, preset.break_force_N
         figures = {
             "modulus": KPA_PER_MPA * preset.modulus_MPa,
@@ -128,7 +128,7 @@ class PresetForm:
         self._state.workers.awaited.submit((id(self), "figures"), self._preview)
 
     def _preview(self) -> None:
-        dissection, theory = self._dissection, self._state.session.duct.theory
+        dissection, theory = self._dissection, self._state.session.planar.theory
         if dissection is None:
             return
         try:

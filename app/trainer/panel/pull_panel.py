@@ -23,7 +23,7 @@ from app.trainer.stage.heat_map import heat_legend_html
 __all__ = ["PullPanel"]
 
 
-class PullPanel(ModePanel[PullState, Reading]):
+class PullPanel(ModePanel[PullState]):
     """The panel of a duct without a bed."""
 
     def __init__(self, state: PullState) -> None:
@@ -64,7 +64,7 @@ class PullPanel(ModePanel[PullState, Reading]):
             if visible
             else hidden_html(reading.phase.value),
             duct=duct_html(shown, figures=visible),
-            legend=heat_legend_html(shown.duct.threshold) if heat else "",
+            legend=heat_legend_html(shown.tissue.threshold) if heat else "",
             zone=zone(reading) if visible else zone_told(reading.phase),
         )
         self._train.show(reading)

@@ -98,9 +98,9 @@ class PullPlot:
         self._take_others(session)
         with self._lock:
             key = (
-                session.duct.dissection,
-                session.duct.theory,
-                session.duct.grasp,
+                session.tissue.dissection,
+                session.planar.theory,
+                session.planar.grasp,
                 event and event.force,
             )
             if key != self._key or reading.deepest > self._curve[0][-1]:
@@ -121,12 +121,16 @@ class PullPlot:
 
     def _take_others(self, session: Session) -> None:
         """Have the thesis's cubic and the exact beam solved for a new duct or grasp."""
-        dissection, grasp, chosen = session.duct.dissection, session.duct.grasp, session.duct.theory
-        key = (dissection, grasp, chosen, session.duct.threshold)
+        dissection, grasp, chosen = (
+            session.tissue.dissection,
+            session.planar.grasp,
+            session.planar.theory,
+        )
+        key = (dissection, grasp, chosen, session.tissue.threshold)
         if key == self._others_key:
             return
         self._others_key = key
-        threshold = session.duct.threshold
+        threshold = session.tissue.threshold
 
         def solve() -> None:
             cubic = _curve(dissection, Cubic(), chosen, grasp, threshold)

@@ -156,7 +156,7 @@ def cells_html(cells: str) -> str:
 
 def duct_html(session: Session, *, figures: bool) -> str:
     """Return which organ and section are solved, and the strength, as HTML."""
-    dissection, organ = session.duct.dissection, session.duct.dissection.organ
+    dissection, organ = session.tissue.dissection, session.tissue.dissection.organ
     own = dissection.own_sections
     name = html.escape(organ.name or "Your organ")
     shape = (
@@ -167,16 +167,15 @@ def duct_html(session: Session, *, figures: bool) -> str:
     strength = ""
     if figures:
         given = dissection.preset.strength
-        if session.duct.threshold != session.duct.model.threshold:
-            given = (
-                f"{given}; T moved by you from {KPA_PER_MPA * session.duct.model.threshold:.6g} kPa"
-            )
+        own_threshold = session.planar.model.threshold
+        if session.tissue.threshold != own_threshold:
+            given = f"{given}; T moved by you from {KPA_PER_MPA * own_threshold:.6g} kPa"
         strength = f"<div data-testid='strength'>Strength as given: {html.escape(given)}.</div>"
     return (
         f"<div data-testid='duct' data-own-sections='{int(own)}' style='padding:0 14px 6px;"
         f"font-size:11px;line-height:1.35'><div><b>{name}</b>: {shape}.</div>"
         f"<div style='color:{colour}'>Solved as "
-        f"{html.escape(dissection.section(session.duct.theory))}.</div>{strength}</div>"
+        f"{html.escape(dissection.section(session.planar.theory))}.</div>{strength}</div>"
     )
 
 

@@ -1,7 +1,6 @@
 """Replay: a run replayed in the picture, with a slider over its time."""
 
 from collections.abc import Callable
-from typing import Any
 
 import viser
 
@@ -23,7 +22,7 @@ STEP = 0.01
 class ReplayTab:
     """The tab of replays."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState[Any]) -> None:
+    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
         self._state = state
         self._time = gui.add_slider(
             "Time (s)", min=0.0, max=1.0, step=STEP, initial_value=0.0, visible=False

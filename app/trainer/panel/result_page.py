@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 import viser
@@ -10,17 +10,17 @@ import viser
 from app.simulation import (
     CAREFUL,
     FEW,
+    MANNERS,
     ApproachBreak,
     BedExercise,
     Metrics,
     Replay,
     RunFile,
-    Session,
     do_exercise,
     metrics_of,
+    rehearsed,
     run_json,
 )
-from app.simulation.bed import MANNERS, rehearsed
 from app.trainer.client.client_state import ClientState
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.pull_state import PullState
@@ -48,11 +48,11 @@ def _expert(run: RunFile, state: PullState) -> Metrics | None:
     if run.log.exercise is None:
         return None
     waiting = msgspec.structs.replace(run.log, inputs=[], ticks=0, exercise_inputs="hand")
-    session = Replay(Session, waiting, state.session.duct.dissection.organ).session
+    session = Replay(waiting, state.session.tissue.dissection.organ).session
     if session.goal is None:
         return None
     do_exercise(session, CAREFUL)
-    return metrics_of(session.measures())
+    return session.metrics()
 
 
 def _bed_expert(run: RunFile, state: DissectState) -> Metrics | None:
@@ -60,7 +60,7 @@ def _bed_expert(run: RunFile, state: DissectState) -> Metrics | None:
     exercise = run.log.exercise
     if not isinstance(exercise, BedExercise):
         return None
-    duct = state.replay_of(run, vertices=FEW).session.duct
+    duct = state.replay_of(run, vertices=FEW).session.spatial
     return metrics_of(rehearsed(duct, exercise, MANNERS[exercise.name]["good"])[0])
 
 
@@ -89,7 +89,7 @@ def run_name(run: RunFile) -> str:
 
 
 def _open(
-    state: ClientState[Any],
+    state: ClientState,
     run: RunFile,
     measures: str,
     add_plots: Callable[[viser.GuiApi], object],

@@ -1,7 +1,6 @@
 """The choice of the band of *Distance to break*: how far ducts differ in modulus and strength."""
 
 from collections.abc import Callable
-from typing import Any
 
 import viser
 
@@ -17,9 +16,7 @@ HINT = "Two thirds of ducts lie within this factor of the preset's figure; 1: al
 class SpreadBox:
     """A checkbox and two factors."""
 
-    def __init__(
-        self, gui: viser.GuiApi, state: ClientState[Any], preset: Callable[[], Preset]
-    ) -> None:
+    def __init__(self, gui: viser.GuiApi, state: ClientState, preset: Callable[[], Preset]) -> None:
         self._state, self._find, self._preset = state, preset, preset()
         spread = state.spread or Spread.of(self._preset)
         self._on = gui.add_checkbox(

@@ -26,13 +26,13 @@ class TrainTab:
         self._state = state
         session = state.session
         self._scale = 0.0
-        low, high = session.duct.grasp_range
+        low, high = session.planar.grasp_range
         self._force = gui.add_slider(
             "Force F (N)",
             min=0.0,
-            max=session.duct.force_limit,
-            step=_force_step(session.duct.force_limit),
-            initial_value=session.grasper.slider_force,
+            max=session.planar.force_limit,
+            step=_force_step(session.planar.force_limit),
+            initial_value=session.planar.grasper.slider_force,
             hint="The grasper's whole force across the duct. Or drag the duct with the mouse.",
         )
         self._grasp = gui.add_slider(
@@ -40,7 +40,7 @@ class TrainTab:
             min=round(low, 1),
             max=round(high, 1),
             step=0.1,
-            initial_value=round(session.duct.grasp, 1),
+            initial_value=round(session.planar.grasp, 1),
             hint="Where the hook holds the duct, from the left clamp",
         )
         self._hand_only = gui.add_html(note(HAND_ONLY, "hand-only"), visible=False)
@@ -79,18 +79,18 @@ class TrainTab:
     def take_ranges(self) -> None:
         """Bring the ranges of the inputs in line with the session's."""
         session = self._state.session
-        model = session.duct.dissection, session.duct.theory
+        model = session.tissue.dissection, session.planar.theory
         if model == self._model:
             return
         self._model = model
-        limit = session.duct.force_limit
+        limit = session.planar.force_limit
         step = _force_step(limit)
         self._force.max, self._force.step = limit, step
         self._force.precision = max(0, -round(np.log10(step)))
-        low, high = session.duct.grasp_range
+        low, high = session.planar.grasp_range
         self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
-        self._grasp.value = round(session.duct.grasp, 1)
-        self._set_force(min(session.grasper.slider_force, limit))
+        self._grasp.value = round(session.planar.grasp, 1)
+        self._set_force(min(session.planar.grasper.slider_force, limit))
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
@@ -129,11 +129,11 @@ class TrainTab:
         if cause == self._cause and not reading.by_hand:
             return
         self._cause = cause
-        wanted = session.grasper.slider_force if live and visible else 0.0
+        wanted = session.planar.grasper.slider_force if live and visible else 0.0
         step = self._force.step
         force = min(max(round(wanted / step) * step, 0.0), self._force.max)
         self._set_force(force)
-        set_if_changed(self._grasp, value=round(session.duct.grasp, 1))
+        set_if_changed(self._grasp, value=round(session.planar.grasp, 1))
 
     def _set_force(self, force: float) -> None:
         if abs(self._force.value - force) > 1e-9:  # more than the page's rounding of its own value

@@ -34,7 +34,7 @@ class Annotations:
 
     def draw(self, session: Session, reading: Reading, *, figures: bool, overlay: bool) -> None:
         """Draw the annotations that are wanted, as they are now."""
-        dissection, whole = session.duct.dissection, reading.phase is Phase.INTACT
+        dissection, whole = session.tissue.dissection, reading.phase is Phase.INTACT
         with self._client.atomic():
             if dissection is not self._dissection:
                 self.remove()
@@ -77,23 +77,23 @@ class Annotations:
             return
         if self._goal is None:
             self._goal = GoalBand(self._client.scene)
-        frame = session.duct.dissection.frame
+        frame = session.tissue.dissection.frame
         # The duct's upper edge at rest, at the hook.
         rest = np.array(reading.hook) - (0.0, 0.0, reading.deflection)
         edge = self._first + frame @ rest + self._radius * frame[:, 2]
         low, high = (edge + each * frame[:, 2] for each in band)
-        self._goal.show(low, high, HALF_LENGTH * session.duct.dissection.beam.span * frame[:, 0])
+        self._goal.show(low, high, HALF_LENGTH * session.tissue.dissection.beam.span * frame[:, 0])
         self.say_standing(session, figures=figures)
 
     def _draw_overlay(self, session: Session, wanted: bool) -> None:
         if self._overlay is None:
             if not wanted:
                 return
-            dissection = session.duct.dissection
+            dissection = session.tissue.dissection
             self._overlay = Overlay(self._client.scene, dissection.organ, dissection.driving)
         self._overlay.visible = wanted
         if wanted:
-            self._overlay.show(session.drawn.transforms, session.duct.dissection.frame[:, 2])
+            self._overlay.show(session.drawn.transforms, session.tissue.dissection.frame[:, 2])
 
     def _draw_ghost(self, session: Session, figures: bool) -> None:
         ghost = session.ghost if figures else None
@@ -114,7 +114,7 @@ class Annotations:
             self._nodes = np.empty_like(chain.places)
         self._chain.visible = chain is not None
         if chain is not None:
-            dissection = session.duct.dissection
+            dissection = session.tissue.dissection
             aside = CHAIN_ASIDE * self._radius * dissection.frame[:, 1]
             np.matmul(chain.places, dissection.frame.T, out=self._nodes)
             self._nodes += self._first - aside

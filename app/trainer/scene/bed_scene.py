@@ -7,8 +7,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation import BedExercise
-from app.simulation.bed import HANDS, BedReading, BedSession
+from app.simulation import HANDS, BedExercise, Reading, Session
 from app.trainer.scene.drag_proxy import DragProxy
 from app.trainer.scene.duct_on_stage import DuctOnStage
 from app.trainer.scene.force_arrow import ForceArrow
@@ -34,14 +33,14 @@ LEAST_FORCE, LEAST_SHARE = 0.02, 0.02
 """N, below which no arrow is drawn; and the least share of the break that scales one."""
 
 
-class BedScene(DuctOnStage[BedSession]):
+class BedScene(DuctOnStage):
     """One client's picture of its dissection; the look is "plain" for slow machines."""
 
     in_screen = True
     elevation = 0.47
     stage_hook = False
 
-    def __init__(self, client: viser.ClientHandle, session: BedSession, look: Look) -> None:
+    def __init__(self, client: viser.ClientHandle, session: Session, look: Look) -> None:
         super().__init__(client, session, look)
         self._strands: StrandsInBed | None = None
         self._strands_of: Strands | None = None
@@ -52,13 +51,11 @@ class BedScene(DuctOnStage[BedSession]):
         self._goal_of: BedExercise | None = None
         self.draw(session.reading())
 
-    def draw(
-        self, reading: BedReading, colours: Colours = "tissue", *, figures: bool = True
-    ) -> None:
+    def draw(self, reading: Reading, colours: Colours = "tissue", *, figures: bool = True) -> None:
         """Draw the session as it is now, with the hands' forces if `figures` are shown."""
         with self._client.atomic():
             stage = self._set_stage()
-            divided = self._session.duct.divided
+            divided = self._session.spatial.divided
             if divided != self._divided:
                 self._divided, self._shape = divided, -1
             stage.show_second_clamp(not divided)
@@ -69,14 +66,16 @@ class BedScene(DuctOnStage[BedSession]):
                 stage.wipe()
             else:
                 stage.spill(reading.torn_at)
-            depth = sink(reading.stress_share, stage.radius)
+            depth = sink(reading.stress_ratio, stage.radius)
             self._show_goal(stage)
             self._show_forces(reading, stage, figures=figures)
             hooks = [self._set_instrument(number, stage, depth) for number in range(HANDS)]
             # Light and shadow are those of one hook.
-            shading = [hand.place for hand in self._session.duct.hands if hand.instrument == "hook"]
+            shading = [
+                hand.place for hand in self._session.spatial.hands if hand.instrument == "hook"
+            ]
             stage.place_hook(shading[0] if shading else AWAY)
-            rods = self._session.duct.beam.state.rods
+            rods = self._session.spatial.beam.state.rods
             for drawn in self._drawn:
                 drawn.contact.mark(drawn.surface.vertices, *hooks)
                 drawn.contact.press_rods(rods, self._first)
@@ -89,7 +88,7 @@ class BedScene(DuctOnStage[BedSession]):
 
     def _values(self, colours: Colours) -> list[NDArray[np.float32]]:
         """Return what each surface's vertices are coloured by, 0 to 1."""
-        session, duct = self._session, self._session.duct
+        session, duct = self._session, self._session.spatial
         surfaces = session.drawn.surfaces
         if len(self._shares) != len(surfaces) or any(
             len(values) != len(surface.vertices)
@@ -106,7 +105,7 @@ class BedScene(DuctOnStage[BedSession]):
 
     def _set_instrument(self, number: int, stage: Stage, depth: float) -> HookPlace | None:
         """Draw a hand's instrument where it is; return where it is a hook that holds the duct."""
-        duct = self._session.duct
+        duct = self._session.spatial
         hand, drawn = duct.hands[number], self._instruments[number]
         if drawn is None or drawn.instrument != hand.instrument:
             if drawn is not None:
@@ -134,7 +133,7 @@ class BedScene(DuctOnStage[BedSession]):
     def _show_goal(self, stage: Stage) -> None:
         """Mark the stretch that an exercise is about, if that is not the whole duct."""
         session = self._session
-        exercise = None if session.run.over else session.exercise
+        exercise = None if session.run.over else session.bed_exercise
         if exercise is self._goal_of:
             return
         self._goal_of = exercise
@@ -147,21 +146,21 @@ class BedScene(DuctOnStage[BedSession]):
                 low = high - exercise.free_mm
             self._goal = GoalStretch(self._client.scene, low, high, stage.radius)
 
-    def _show_forces(self, reading: BedReading, stage: Stage, *, figures: bool) -> None:
+    def _show_forces(self, reading: Reading, stage: Stage, *, figures: bool) -> None:
         """Draw what each hand pulls or pushes with; at the break the larger is of full length."""
         if not self._arrows:
-            if not figures or not reading.forces.any():
+            if not figures or not any(map(any, reading.forces)):
                 return
             self._arrows = [
                 ForceArrow(self._client.scene, stage.span, f"/organ/force_{number}")
                 for number in range(HANDS)
             ]
-        frame = self._session.duct.dissection.frame
-        sizes = [math.hypot(*force) for force in reading.forces.tolist()]
-        at_break = max(sizes) / max(reading.stress_share, LEAST_SHARE)
-        hands = self._session.duct.hands
+        frame = self._session.tissue.dissection.frame
+        sizes = [math.hypot(*force) for force in reading.forces]
+        at_break = max(sizes) / max(reading.stress_ratio, LEAST_SHARE)
+        hands = self._session.spatial.hands
         for arrow, hand, force, size in zip(
-            self._arrows, hands, reading.forces, sizes, strict=True
+            self._arrows, hands, np.array(reading.forces), sizes, strict=True
         ):
             arrow.visible = wanted = figures and size > LEAST_FORCE
             if wanted:
@@ -175,11 +174,13 @@ class BedScene(DuctOnStage[BedSession]):
                 hand.set_instrument(number, drawn.name, drawn.grip)
 
     def _set_strands(self, stage: Stage) -> None:
-        duct = self._session.duct
+        duct = self._session.spatial
         beam = duct.beam
         if self._strands is not None and beam.strands is not self._strands_of:
             self._strands.remove()
             self._strands = None
+        if not beam.strands.count:  # a free duct
+            return
         if self._strands is None:
             self._strands_of = beam.strands
             self._strands = StrandsInBed(
@@ -194,7 +195,7 @@ class BedScene(DuctOnStage[BedSession]):
 
     def _aside(self) -> NDArray[np.float64]:
         """Return how far off its place each strand is drawn, mm: the skin is not the beam's."""
-        duct = self._session.duct
+        duct = self._session.spatial
         _, ends, _ = duct.surface.strands_at_rest()
         return (ends - self._first) @ duct.dissection.frame - duct.beam.strands.ends
 

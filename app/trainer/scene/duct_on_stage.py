@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
 from weakref import WeakMethod
 
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from viser import transforms
 
 from app.simulation import Preset, Session
-from app.simulation.bed import BedSession
 from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.stage.appearance import Appearance, appearance_of, drawn_radius
 from app.trainer.stage.camera import ELEVATION
@@ -30,8 +28,6 @@ __all__ = ["DrawnSurface", "DuctOnStage"]
 # Relative change of span and radius too small to be seen: a megabyte need not be sent for it.
 SAME_STAGE = 0.01
 
-AnySession = TypeVar("AnySession", Session, BedSession)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnSurface:
@@ -42,14 +38,14 @@ class DrawnSurface:
     tissue: Tissue | PlainTissue
 
 
-class DuctOnStage(Generic[AnySession]):
+class DuctOnStage:
     """One client's picture of its session; the look is "plain" for slow machines."""
 
     in_screen = False  # whether a drag moves in the screen's plane, or in that of the pull
     elevation = ELEVATION  # of the camera, rad
     stage_hook = True  # whether the stage has the hook
 
-    def __init__(self, client: viser.ClientHandle, session: AnySession, look: Look) -> None:
+    def __init__(self, client: viser.ClientHandle, session: Session, look: Look) -> None:
         self._client, self._session = client, session
         self._look: Look = look
         self._stage: Stage | None = None
@@ -77,7 +73,7 @@ class DuctOnStage(Generic[AnySession]):
         if self._stage is not None:
             self._stage.camera_moved(camera.client)
 
-    def watch(self, session: AnySession) -> None:
+    def watch(self, session: Session) -> None:
         """Show another session of the same organ from the next `draw` on."""
         if session is not self._session:
             self._session, self._shape = session, -1
@@ -123,7 +119,7 @@ class DuctOnStage(Generic[AnySession]):
 
     def _offer_hand(self) -> None:
         """Let the mouse hold the duct as it is drawn now, whole or in pieces."""
-        hand, dissection = self._hand, self._session.duct.dissection
+        hand, dissection = self._hand, self._session.tissue.dissection
         if hand is None:
             return
         hand.let_go()
@@ -141,7 +137,7 @@ class DuctOnStage(Generic[AnySession]):
     @property
     def _radius(self) -> float:
         """Radius of the duct as it is drawn, mm."""
-        return drawn_radius(self._session.duct.dissection)
+        return drawn_radius(self._session.tissue.dissection)
 
     def _show(self, stress: Sequence[NDArray[np.float32]] | None) -> None:
         """Send the surfaces with their marks, as tissue or by the values at their vertices."""
@@ -156,7 +152,7 @@ class DuctOnStage(Generic[AnySession]):
 
     def _set_stage(self) -> Stage:
         """Return the stage for the session's clamps; a new one if they have moved."""
-        dissection = self._session.duct.dissection
+        dissection = self._session.tissue.dissection
         organ, clamps = dissection.organ, dissection.clamps
         preset = dissection.preset
         shown = self._organ is organ and (self._clamps, self._preset) == (clamps, preset)
@@ -205,7 +201,7 @@ class DuctOnStage(Generic[AnySession]):
         self._shape = self._session.drawn.shape
         for drawn in self._drawn:
             drawn.tissue.remove()
-        dissection, scene = self._session.duct.dissection, self._client.scene
+        dissection, scene = self._session.tissue.dissection, self._client.scene
         radius = self._radius
         look = appearance_of(dissection.preset)
         if self._look == "full" and self._finish != (look, radius):

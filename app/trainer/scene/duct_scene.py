@@ -20,7 +20,7 @@ LIFT_AFTER_TEAR = 2.5
 """Height of the hook above where the torn duct lay, in radii."""
 
 
-class DuctScene(DuctOnStage[Session]):
+class DuctScene(DuctOnStage):
     """One client's picture of its session; the look is "plain" for slow machines."""
 
     def __init__(self, client: viser.ClientHandle, session: Session, look: Look) -> None:
@@ -51,7 +51,7 @@ class DuctScene(DuctOnStage[Session]):
             up = LIFT_AFTER_TEAR * stage.radius
             stage.place_hook(np.add(reading.hook, (0.0, 0.0, up)))
             return None
-        dissection = self._session.duct.dissection
+        dissection = self._session.tissue.dissection
         share = 1.0 - reading.check.distance_to_break
         center = np.add(reading.hook, (0.0, 0.0, sink(share, stage.radius)))
         stage.place_hook(center)

@@ -22,7 +22,7 @@ from websockets.asyncio.server import ServerConnection
 
 from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import FeltSetting, ServoProcess
-from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, Session
+from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, Session, free_specimen
 from app.trainer.classroom.lesson import Lesson, ToWatch
 from app.trainer.classroom.teacher_page import TeacherPage
 from app.trainer.client.client_state import EXPORT_VERTICES, MODES, Mode, Workers, explained
@@ -189,7 +189,7 @@ class Trainer:
         self._hand: HapticHand | None = None
         if haptics is not None:
             try:
-                self._hand = HapticHand(haptics(felt_in(Session(organ, preset))))
+                self._hand = HapticHand(haptics(felt_in(Session(free_specimen(organ, preset)))))
             except ValueError:
                 self._server.stop()
                 raise
@@ -240,7 +240,7 @@ class Trainer:
         """The sessions of the pages that show a pull, by client number."""
         with self._views_lock:
             views = list(self._views.items())
-        return {number: view.session for number, view in views if isinstance(view.session, Session)}
+        return {number: view.session for number, view in views if view.mode == "pull"}
 
     @property
     def frames(self) -> dict[int, int]:

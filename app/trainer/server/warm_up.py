@@ -16,9 +16,10 @@ from app.simulation import (
     Preset,
     Session,
     default_preset,
+    free_specimen,
     preset_named,
+    specimen_in_bed,
 )
-from app.simulation.bed import BedSession
 from app.trainer.client.client_state import MODES, Mode
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.stage.appearance import appearance_of, drawn_radius
@@ -59,17 +60,17 @@ ICONS = (
 
 def warm_session(organ: Organ, preset: Preset | None = None) -> None:
     """Compile, or load, what a session and its drawing need of the theory that it starts with."""
-    _warm_drawing(Session(organ, preset))
-    session = Session(organ, preset)
+    _warm_drawing(Session(free_specimen(organ, preset)))
+    session = Session(free_specimen(organ, preset))
     session.choose_ghost(Cubic())
     session.show_chain(True)
-    session.grab(session.duct.grasp)
-    session.move_hand(0.5 * session.duct.deflection_limit)
+    session.grab(0, session.planar.grasp)
+    session.lift(0.5 * session.planar.deflection_limit)
     session.advance(5)
     _write_stress(session)
     session.release()
     session.advance(5)
-    session.set_target_force(session.duct.force_limit)
+    session.set_target_force(session.planar.force_limit)
     while session.advance():
         pass
     _write_stress(session)
@@ -78,21 +79,21 @@ def warm_session(organ: Organ, preset: Preset | None = None) -> None:
 
 def warm_bed(organ: Organ, preset: Preset | None = None) -> None:
     """Compile, or load, what a session in a bed and its drawing need, until the duct is torn."""
-    session = BedSession(organ, preset)
+    session = Session(specimen_in_bed(organ, preset))
     contact = _warm_drawing(session)
-    session.grab(0, 0.5 * session.duct.dissection.beam.span)
+    session.grab(0, 0.5 * session.tissue.dissection.beam.span)
     session.choose_instrument(1, "dissector")
     session.open_jaws(1, 1.0)
-    session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 1.0, 2.0]))
+    session.move_hand(0, session.spatial.hands[0].place + np.array([0.0, 1.0, 2.0]))
     session.advance(5)
     _write_stress(session)
-    duct = session.duct
+    duct = session.spatial
     duct.freed_at(session.drawn.skin.stations)
     contact.press_rods(duct.beam.state.rods, duct.dissection.axis_point(0.0))
     write_strands(duct.beam)
     session.reading()
-    while session.duct.torn is None and session.duct.hands[0].place[2] < MOST_LIFT:
-        session.move_hand(0, session.duct.hands[0].place + np.array([0.0, 0.0, 5.0]))
+    while session.spatial.torn is None and session.spatial.hands[0].place[2] < MOST_LIFT:
+        session.move_hand(0, session.spatial.hands[0].place + np.array([0.0, 0.0, 5.0]))
         session.advance()
     session.advance(3)
     _write_stress(session)
@@ -164,13 +165,13 @@ class WarmUp:
         self.done.set()
 
 
-def _write_stress(session: Session | BedSession) -> None:
+def _write_stress(session: Session) -> None:
     for index, surface in enumerate(session.drawn.surfaces):
         session.stress(np.empty(len(surface.vertices), np.float32), index)
 
 
-def _warm_drawing(session: Session | BedSession) -> Contact:
-    dissection, skin = session.duct.dissection, session.drawn.surfaces[0].skin
+def _warm_drawing(session: Session) -> Contact:
+    dissection, skin = session.tissue.dissection, session.drawn.surfaces[0].skin
     contact = Contact.of(dissection, skin)
     middle = dissection.axis_point(0.5 * dissection.beam.span)
     place = HookPlace(middle, dissection.frame, drawn_radius(dissection))

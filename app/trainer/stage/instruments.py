@@ -13,8 +13,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation import Instrument
-from app.simulation.bed import JAW_RADIUS, SWAB_RADIUS, TOWARDS_HAND, Hand
+from app.simulation import JAW_RADIUS, SWAB_RADIUS, TOWARDS_HAND, Hand, Instrument
 from app.trainer.stage.clamps import INSULATION, steel
 from app.trainer.stage.drawn import add_mesh, add_model
 from app.trainer.stage.hook import grip_solid, hook_glb

@@ -6,7 +6,6 @@ from threading import Lock
 import viser
 
 from app.simulation import ExerciseInputs, Preset, Session
-from app.simulation.bed import BedSession
 from app.trainer.client.client_state import EXERCISE_GOES_ON, Mode, Workers, explained
 from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.practice import Practice
@@ -60,7 +59,7 @@ class ClientView:
         return "pull" if isinstance(self.view, PullView) else "dissect"
 
     @property
-    def session(self) -> Session | BedSession:
+    def session(self) -> Session:
         """The session that is shown."""
         return self.view.session
 

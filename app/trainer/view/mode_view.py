@@ -6,7 +6,6 @@ from typing import Any, Generic, TypeVar
 import viser
 
 from app.simulation import Clock, Reading
-from app.simulation.bed import BedReading
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.mode_panel import ModePanel
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
@@ -24,12 +23,11 @@ LEAST_PICTURES = 5.0
 NOTICE_SECONDS = 20.0
 
 
-StateT = TypeVar("StateT", bound=ClientState[Any])
-SceneT = TypeVar("SceneT", bound=DuctOnStage[Any])
-ReadingT = TypeVar("ReadingT", Reading, BedReading)
+StateT = TypeVar("StateT", bound=ClientState)
+SceneT = TypeVar("SceneT", bound=DuctOnStage)
 
 
-class ModeView(ABC, Generic[StateT, SceneT, ReadingT]):
+class ModeView(ABC, Generic[StateT, SceneT]):
     """The scene and the panel of one mode of the page. `frames` counts how often it was drawn.
 
     `plain_tab` is the tab of the panel that offers the simple picture.
@@ -98,7 +96,7 @@ class ModeView(ABC, Generic[StateT, SceneT, ReadingT]):
         """Return the scene."""
 
     @abstractmethod
-    def _make_panel(self) -> ModePanel[Any, Any]:
+    def _make_panel(self) -> ModePanel[Any]:
         """Return the panel."""
 
     def _advance(self, ticks: int) -> bool:
@@ -124,7 +122,7 @@ class ModeView(ABC, Generic[StateT, SceneT, ReadingT]):
         self._draw_reading(state.shown.reading())
 
     @abstractmethod
-    def _draw_reading(self, reading: ReadingT) -> None:
+    def _draw_reading(self, reading: Reading) -> None:
         """Draw what the mode shows of a reading."""
 
     def _tell(self) -> None:
@@ -156,12 +154,12 @@ class ModeView(ABC, Generic[StateT, SceneT, ReadingT]):
             self._notice.remove()
             self._notice = None
 
-    def _tear_is_seen(self, reading: ReadingT) -> bool:
+    def _tear_is_seen(self, reading: Reading) -> bool:
         """Return whether the picture shows a torn duct in two: it is not called torn before."""
         return True
 
     @abstractmethod
-    def _torn_words(self, reading: ReadingT) -> str:
+    def _torn_words(self, reading: Reading) -> str:
         """Return where the duct has torn, in a sentence; nothing for a whole one."""
 
     def _watch_pace(self, look: LookChoice) -> None:

@@ -16,7 +16,7 @@ from app.trainer.view.mode_view import ModeView
 __all__ = ["PullView"]
 
 
-class PullView(ModeView[PullState, DuctScene, Reading]):
+class PullView(ModeView[PullState, DuctScene]):
     """A session without a bed, and what one client sees of it."""
 
     plain_tab = "Model"
@@ -61,7 +61,7 @@ class PullView(ModeView[PullState, DuctScene, Reading]):
             self._stress = [
                 np.empty(len(surface.vertices), np.float32) for surface in session.drawn.surfaces
             ]
-        threshold = session.duct.threshold
+        threshold = session.tissue.threshold
         for index, out in enumerate(self._stress):
             session.stress(out, index)
             out /= threshold

@@ -2,14 +2,18 @@
 
 import math
 from collections import deque
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.simulation.bed.bedded_duct import HANDS, BeddedDuct
-from app.simulation.bed.measures import LEAST_FORCE, DissectionMeasureTaker
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.dissection_measures import LEAST_FORCE, DissectionMeasureTaker
 from app.simulation.exercise import BedExercise, Outcome
+from app.simulation.run_file import HANDS
 from app.simulation.trial import Trial
+
+if TYPE_CHECKING:
+    from app.simulation.spatial_tissue import SpatialTissue
 
 __all__ = ["BedTrial"]
 
@@ -79,7 +83,7 @@ class BedTrial(Trial):
             return Outcome(False, f"The {wanted.time_limit_s:g} s were over with {self.standing}.")
         return None
 
-    def _follow(self, duct: BeddedDuct) -> None:
+    def _follow(self, duct: "SpatialTissue") -> None:
         """Note how fast the hands move, and of the one that pulls hardest force and place."""
         forces = duct.forces
         pulled = -1

@@ -52,7 +52,7 @@ def do_exercise(session: Session, manner: Manner) -> None:
     if run.exercise is None or band is None:
         raise ValueError("a scripted hand does an exercise with a band of deflections")
     goal = 0.5 * sum(band)
-    session.grab(session.task_grasp)
+    session.grab(0, session.task_grasp)
     held, wanted = 0.0, 0.0
     ways = cycle(_ways(run.exercise, goal))
     while not run.over:
@@ -64,11 +64,11 @@ def do_exercise(session: Session, manner: Manner) -> None:
             if held > manner.loses_after:
                 session.release()
                 session.advance(round(LOST_SECONDS / TICK_SECONDS))
-                session.grab(session.task_grasp)
+                session.grab(0, session.task_grasp)
                 held = 0.0
             seconds = run.seconds
             off = sum(part * math.sin(2.0 * math.pi * rate * seconds) for part, rate in manner.sway)
-            session.move_hand(reached + off * goal)
+            session.lift(reached + off * goal)
             session.advance()
         wanted = to
 

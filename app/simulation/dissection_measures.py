@@ -1,14 +1,18 @@
 """Measures of a dissection, taken while it runs (docs/measures.md)."""
 
 import math
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.bed.bedded_duct import HANDS, BeddedDuct
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
+from app.simulation.run_file import HANDS
+
+if TYPE_CHECKING:
+    from app.simulation.spatial_tissue import SpatialTissue
 
 __all__ = ["DissectionMeasureTaker", "DissectionMeasures", "DissectionTear"]
 
@@ -67,7 +71,10 @@ class DissectionMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 class DissectionMeasureTaker:
     """Takes the measures of a duct in its bed, tick by tick."""
 
-    def __init__(self) -> None:
+    def __init__(self, duct: "SpatialTissue", *, broken_by_touch: bool = True) -> None:
+        # `broken_by_touch` is that of the run's start.
+        self.duct, self.broken_by_touch = duct, broken_by_touch
+        self._started = False
         self.ticks = 0
         self.peak = self.peak_station = 0.0
         self.instrument_force = 0.0
@@ -84,13 +91,12 @@ class DissectionMeasureTaker:
         self._by_hand = [0] * HANDS
         self.out_of_sight = 0
 
-    def start(self, duct: BeddedDuct, *, broken_by_touch: bool = True) -> None:
+    def start(self) -> None:
         """Start on a duct at rest, whose bed may be opened already."""
-        # `broken_by_touch` is that of the run's start.
-        self.broken_by_touch = broken_by_touch
-        self.duct = duct
+        duct = self.duct
+        self._started = True
         self._damage = duct.beam.damage.copy()
-        self._before = self._parted = duct.parted
+        self._before = self._broken = duct.broken
         self._books = duct.beam.energy
         self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         self._torn = duct.torn
@@ -98,14 +104,14 @@ class DissectionMeasureTaker:
 
     def _measure_freed(self) -> None:
         self.freed = self.duct.freed
-        self._parted_by_rods = self.duct.beam.broken_by_rods
+        self._broken_by_rods = self.duct.beam.broken_by_rods
         self.stretches = self.duct.freed_stretches()
 
     def take(self, *, moved: bool) -> None:
         """Take one tick, in which something moved or all stood still."""
         self.ticks += 1
         duct = self.duct
-        share = duct.share
+        share = duct.stress_ratio
         if share > self.peak:
             self.peak, self.peak_station = share, duct.station
         self._above_half += share > 0.5
@@ -118,9 +124,9 @@ class DissectionMeasureTaker:
         if moved:
             self._take_work(duct.forces.tolist())
             self._duct_energy = max(self._duct_energy, duct.beam.stored_in_beam)
-            if duct.parted > self._parted:
-                self._parted = duct.parted
-                self._take_parted()
+            if duct.broken > self._broken:
+                self._broken = duct.broken
+                self._take_broken()
                 self._measure_freed()
 
     def _take_forces(self, forces: Floats) -> None:
@@ -165,7 +171,7 @@ class DissectionMeasureTaker:
                 part = shares[i] / total if total > 0.0 else 1.0 / len(hands)
                 self._work[i] += part * work
 
-    def _take_parted(self) -> None:
+    def _take_broken(self) -> None:
         """Count the strands that parted in this tick: whose they are, whether they were seen."""
         duct, beam = self.duct, self.duct.beam
         damage = beam.damage
@@ -195,16 +201,18 @@ class DissectionMeasureTaker:
         self.out_of_sight += int((~seen).sum())
 
     def measures(self) -> DissectionMeasures:
-        """Return the measures so far."""
+        """Return the measures so far; a `ValueError` before the start."""
+        if not self._started:
+            raise ValueError("a run starts with the first input; there has been none")
         torn, work = self._torn, sum(self._work)
         return DissectionMeasures(
             time_s=self.ticks * TICK_SECONDS,
             freed_mm=self.freed,
             longest_freed_stretch_mm=max((b - a for a, b in self.stretches), default=0.0),
             strands=self._damage.size - self._before,
-            strands_broken=self._parted - self._before,
+            strands_broken=self._broken - self._before,
             strands_broken_by_hand=(self._by_hand[0], self._by_hand[1]),
-            strands_broken_by_instrument=self._parted_by_rods,
+            strands_broken_by_instrument=self._broken_by_rods,
             strands_broken_out_of_sight=self.out_of_sight,
             peak_stress_ratio=self.peak,
             peak_stress_station_mm=self.peak_station,

@@ -1,6 +1,6 @@
 """Exercises for a duct in its bed, with limits that follow from both.
 
-Good hands (`app.simulation.bed.scripted_hands`) do each exercise beforehand, in the same bed with
+Good hands (`app.simulation.scripted_hands`) do each exercise beforehand, in the same bed with
 strands of even strength: what they need, with `SPARE` on top, is the limit. In the window they
 hardly load the duct; there the limit is `WINDOW_PART` of what pulling it off takes. The stress
 must never grow so fast that the break is nearer than a reaction time, as in a pull
@@ -12,13 +12,13 @@ from functools import lru_cache
 
 import msgspec
 
-from app.simulation.bed.bedded_duct import FREED_PART, BeddedDuct
-from app.simulation.bed.exercise import BedTrial
-from app.simulation.bed.measures import DissectionMeasures, DissectionMeasureTaker
-from app.simulation.bed.scripted_hands import MANNERS, BedManner, script
 from app.simulation.bed_preset import BedPreset, bed_named, named_or_whole
+from app.simulation.bed_trial import BedTrial
+from app.simulation.dissection_measures import DissectionMeasures, DissectionMeasureTaker
 from app.simulation.exercise import REACTION_SECONDS, BedExercise, BedExerciseName, Outcome
 from app.simulation.inputs import HOLDING, INSTRUMENTS, Instrument
+from app.simulation.scripted_hands import MANNERS, BedManner, script
+from app.simulation.spatial_tissue import FREED_PART, SpatialTissue
 from app.simulation.specimen import Specimen
 
 __all__ = ["bed_exercises", "rehearsed"]
@@ -60,7 +60,9 @@ def _offered(specimen: Specimen, name: BedExerciseName) -> BedExercise | None:
     assert bed is not None  # noqa: S101 (the caller's)
     span = specimen.beam.span
     goal = _goal(span, name, bed, seed)
-    even = BeddedDuct(replace(specimen, bed=msgspec.structs.replace(bed, scatter=0.0), bed_seed=1))
+    even = SpatialTissue(
+        replace(specimen, bed=msgspec.structs.replace(bed, scatter=0.0), bed_seed=1)
+    )
     manners = MANNERS[name]
     needed, outcome = rehearsed(even, goal, manners["good"])
     if not outcome.passed:
@@ -82,7 +84,7 @@ def _offered(specimen: Specimen, name: BedExerciseName) -> BedExercise | None:
             out_of_sight_limit=round(HIDDEN_PART * strands * goal.free_mm),
             instrument_force_limit_N=force if name == "free_scar" else None,
         )
-        duct = BeddedDuct(replace(specimen, bed_seed=each))
+        duct = SpatialTissue(replace(specimen, bed_seed=each))
         if rehearsed(duct, exercise, manners["good"])[1].passed:
             return exercise
     return None
@@ -117,13 +119,13 @@ def _goal(span: float, name: BedExerciseName, bed: BedPreset, seed: int) -> BedE
 
 
 def rehearsed(
-    duct: BeddedDuct, exercise: BedExercise, manner: BedManner
+    duct: SpatialTissue, exercise: BedExercise, manner: BedManner
 ) -> tuple[DissectionMeasures, Outcome]:
     """Do an exercise with scripted hands on a duct by itself."""
-    taker = DissectionMeasureTaker()
+    taker = DissectionMeasureTaker(duct)
     trial = BedTrial(exercise, taker)
-    duct.reset(exercise.opened_mm, divided=exercise.divided)
-    taker.start(duct)
+    duct.prepare(exercise)
+    taker.start()
     for _ in script(duct, duct, exercise, manner):
         taker.take(moved=duct.advance())
         trial.take()

@@ -12,10 +12,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.bed.bedded_duct import JAW_RADIUS, BeddedDuct
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import BedExercise, BedExerciseName
 from app.simulation.inputs import Instrument
+from app.simulation.reading import Vector
+from app.simulation.spatial_tissue import JAW_RADIUS, SpatialTissue
 
 __all__ = ["MANNERS", "BedManner", "Hands", "script"]
 
@@ -67,7 +68,7 @@ class Hands(Protocol):
         """Take an instrument."""
         ...
 
-    def grab(self, hand: int, station: float) -> Floats | None:
+    def grab(self, hand: int, station: float) -> Floats | Vector | None:
         """Take hold."""
         ...
 
@@ -85,7 +86,7 @@ class Hands(Protocol):
 
 
 def script(
-    hands: Hands, duct: BeddedDuct, exercise: BedExercise, manner: BedManner
+    hands: Hands, duct: SpatialTissue, exercise: BedExercise, manner: BedManner
 ) -> Iterator[None]:
     """Give the inputs of an exercise; yields when a tick is due."""
     middle = 0.5 * (exercise.from_mm + exercise.to_mm)
@@ -95,10 +96,10 @@ def script(
         yield from _lift(hands, 0, middle, MOST_MM, manner)
     else:
         if manner.held > 0.0:
-            yield from _lift(hands, 0, middle, manner.held * duct.bed.gap_mm, manner)
+            yield from _lift(hands, 0, middle, manner.held * duct.gap_mm, manner)
         # Opening jaws part what is beside the closed ones and the strands that lean over them: all
         # of a scar, if they start beside it.
-        beside = 2.0 * JAW_RADIUS + 0.5 * duct.bed.gap_mm
+        beside = 2.0 * JAW_RADIUS + 0.5 * duct.gap_mm
         place = exercise.from_mm - beside if exercise.name == "free_scar" else middle
         yield from _spread(hands, duct, place, manner)
 
@@ -110,13 +111,13 @@ def _lift(
     start = hands.grab(hand, station)
     if start is None:
         return
-    way = np.array([0.0, math.sin(manner.lean), math.cos(manner.lean)])
+    leant = np.array([0.0, math.sin(manner.lean), math.cos(manner.lean)])
     for lifted in _steps(height, manner.speed):
-        hands.move_hand(hand, start + lifted * way)
+        hands.move_hand(hand, np.array(start) + lifted * leant)
         yield
 
 
-def _spread(hands: Hands, duct: BeddedDuct, station: float, manner: BedManner) -> Iterator[None]:
+def _spread(hands: Hands, duct: SpatialTissue, station: float, manner: BedManner) -> Iterator[None]:
     """Pass a closed dissector behind the duct and open it."""
     hands.choose_instrument(1, "dissector")
     start = duct.hands[1].place.copy()
@@ -134,7 +135,7 @@ def _spread(hands: Hands, duct: BeddedDuct, station: float, manner: BedManner) -
 
 
 def _follow(
-    hands: Hands, duct: BeddedDuct, exercise: BedExercise, manner: BedManner
+    hands: Hands, duct: SpatialTissue, exercise: BedExercise, manner: BedManner
 ) -> Iterator[None]:
     """Lift at the front of a divided duct until it has moved on, and take hold again there."""
     while True:
@@ -147,7 +148,7 @@ def _follow(
         yield from _rest()
 
 
-def _front(duct: BeddedDuct, exercise: BedExercise) -> float:
+def _front(duct: SpatialTissue, exercise: BedExercise) -> float:
     """Return where the bed begins before what was open, mm."""
     # A strand left behind does not count as the front.
     return exercise.to_mm - exercise.freed(duct.freed_stretches())

@@ -1,0 +1,546 @@
+"""A duct in space under two hands, free or in its bed, in real time.
+
+`physics.bed.BeamOnBed` solves it; here are the hands and their instruments, the threshold at which
+the wall tears, and the transforms by which the duct's surface follows the beam. A tick of 1/30 s is
+`SUBSTEPS` steps of the beam: the peak force of a pull at 8 mm/s is then within 0.4 % of that with
+steps four times as short, at 40 mm/s within 2.6 % (docs/theory.md).
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation.bed_preset import BedPreset, named_or_whole
+from app.simulation.bed_trial import BedTrial
+from app.simulation.bedded_surface import BeddedSurface
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.dissection import Dissection
+from app.simulation.dissection_measures import DissectionMeasureTaker
+from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.exercise import BedExercise, Exercise
+from app.simulation.hand import Hand
+from app.simulation.inputs import HOLDING, INSTRUMENTS, InputKind, Instrument
+from app.simulation.reading import Reading, Vector
+from app.simulation.run import Taker
+from app.simulation.run_file import ELEMENTS, HANDS, SUBSTEPS, RunStart, strands_digest
+from app.simulation.specimen import Specimen
+from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
+from app.simulation.tissue import Applied
+from app.simulation.trial import Trial
+from kernel_cache import njit
+from physics import RuptureCheck
+from physics.bed import BeamOnBed, Strands
+
+__all__ = [
+    "ELEMENTS", "HANDS", "JAW_RADIUS", "MOST_OPENING", "SUBSTEPS", "SWAB_RADIUS", "TOWARDS_HAND",
+    "Rod", "SpatialTissue", "Touch",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+
+FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
+# Of the span, where the hands' empty instruments wait: the second one out of the first's way.
+PARKED_AT = (0.5, 0.2)
+JAW_RADIUS, SWAB_RADIUS = 1.2, 3.0
+"""mm. Closed jaws pass between the duct and the bed, whose gap is 3 mm; a swab does not."""
+MOST_OPENING = 40.0
+"""mm between the axes of a dissector's jaws: more than any clamps' distance allows to use."""
+TOWARDS_HAND = {"dissector": (0.0, -1.0, 0.0), "swab": (0.0, -0.6, 0.8)}
+"""From the tip back along an instrument's shaft: jaws pass behind the duct from the side of the
+viewer, a swab comes from above."""
+# Rods of the beam that each hand's instrument is.
+RODS: dict[Instrument, tuple[tuple[int, ...], ...]] = {
+    "hook": ((),) * HANDS,
+    "grasper": ((),) * HANDS,
+    "dissector": tuple((2 * hand, 2 * hand + 1) for hand in range(HANDS)),
+    "swab": tuple((2 * hand,) for hand in range(HANDS)),
+}
+REACH = 60.0
+"""mm beyond the duct's ends and to its sides that a hand can reach."""
+GAP_MM = 3.0  # between a free duct and where an empty dissector waits below it
+TUBE = 0  # there is one
+# Smallest and largest threshold, in thresholds of the preset.
+THRESHOLD_RANGE = (0.25, 2.0)
+BIN_MM, FREED_PART = 1.0, 0.95
+"""mm, and the part of a bin's strands that must have parted for its stretch to be free."""
+# A tick in which no node moves farther has reached equilibrium: no strand yields any more.
+STILL_MM = 1e-6
+
+
+class Rod(NamedTuple):
+    """A jaw or a swab, as the beam has it."""
+
+    number: int
+    tip: Floats  # (3,) mm
+    shaft: tuple[float, float, float]  # back along it
+    radius: float  # mm
+
+
+class Touch(NamedTuple):
+    """What a hand does to the beam."""
+
+    station: float | None  # that it holds, mm along the beam
+    place: Floats  # (3,) of its tip, mm
+    rods: tuple[Rod, ...]
+
+
+class SpatialTissue:
+    """A specimen's duct on its bed, two hands at it, and what has become of it."""
+
+    def __init__(self, specimen: Specimen, *, broken_by_touch: bool = True) -> None:
+        self.specimen, self._broken_by_touch = specimen, broken_by_touch
+        self.threshold = specimen.threshold
+        self._rest = specimen.space_beam(elements=ELEMENTS)
+        layer = specimen.layer(self._rest)
+        self._strands = Strands.joined([]) if layer is None else layer.strands_under(self._rest)
+        self._floor = None if layer is None else layer.floor_under(self._rest)
+        self._radius = float(self._rest.radius.mean())
+        self.surface = BeddedSurface(self.dissection, self._rest, self._strands)
+        self._scale = self.surface.scale
+        self.prepare(None)
+
+    @property
+    def dissection(self) -> Dissection:
+        """The organ between its clamps."""
+        return self.specimen.dissection
+
+    @property
+    def bed(self) -> BedPreset | None:
+        """What it lies in, if it is not free."""
+        return self.specimen.bed
+
+    @property
+    def gap_mm(self) -> float:
+        """Between duct and bed, or to where an empty dissector waits below a free duct."""
+        return GAP_MM if self.bed is None else self.bed.gap_mm
+
+    @property
+    def threshold_range(self) -> tuple[float, float]:
+        """Smallest and largest threshold, MPa."""
+        low, high = THRESHOLD_RANGE
+        return low * self.specimen.threshold, high * self.specimen.threshold
+
+    def prepare(self, exercise: Exercise | None) -> None:
+        """Make all whole and let go, as an exercise begins, or without one."""
+        task = exercise if isinstance(exercise, BedExercise) else None
+        self._opened = None if task is None else task.opened_mm
+        self.divided = task is not None and task.divided
+        self._make_whole()
+
+    def renew(self) -> list[tuple[int, Applied]]:
+        """Make all whole with the hands where they are; return where those go on their way."""
+        hands = self.hands
+        self._make_whole()
+        for hand, before in enumerate(hands):
+            self.put_hand(hand, before.place)
+            self.hands[hand].target[:] = before.target
+        return [
+            (hand, ("move", tuple(holder.target.tolist())))
+            for hand, holder in enumerate(self.hands)
+            if not holder.arrived
+        ]
+
+    def _make_whole(self) -> None:
+        opened = self._opened
+        self.beam = BeamOnBed(
+            replace(self._rest, ends=("clamped", "free")) if self.divided else self._rest,
+            self._strands,
+            floor=self._floor,
+            rods=2 * HANDS,
+        )
+        if opened is not None:
+            self.beam.break_between(self._scale * opened[0], self._scale * opened[1])
+        self.hands = tuple(
+            Hand(each, self.parking(hand, each)) for hand, each in enumerate(FIRST_INSTRUMENTS)
+        )
+        self.torn: RuptureCheck | None = None
+        self.torn_element = -1  # of the beam, which is none any more
+        self.stress_ratio = self.station = (
+            0.0  # of the threshold, largest, and mm from the first clamp
+        )
+        self._peak = 0.0
+        self.broken: int = self.beam.broken
+        self.freed = self.beam.freed  # mm
+        self._before = np.empty_like(self.beam.places)
+        self._still = True
+        self._torn_ticks = 0
+        self._forget_reading()
+
+    def parking(self, hand: int, instrument: Instrument) -> Floats:
+        """Return where an instrument that touches nothing waits, (3,) mm."""
+        along = PARKED_AT[hand] * self._rest.span
+        if instrument == "dissector":  # beside the duct, at the height at which it passes under it
+            height = -self._radius - 0.5 * self.gap_mm
+            return np.array([along, -3.0 * self._radius - 5.0, height])
+        return np.array([along, -self._radius, 3.0 * self._radius])
+
+    # Hands
+
+    def apply(
+        self, hand: int, kind: InputKind, values: tuple[float, ...], begin: Callable[[], bool]
+    ) -> Applied | None:
+        """Apply an input; return it as it has acted, or None where it changes nothing."""
+        if not 0 <= hand < HANDS or not all(map(math.isfinite, values)):
+            return None
+        if kind == "instrument":
+            begin()
+            self.choose_instrument(hand, INSTRUMENTS[int(values[0])])
+            return kind, values
+        if kind == "grab":
+            at = min(max(float(values[-1]), 0.0), self.dissection.beam.span)
+            held = self.hands[hand].node is not None
+            place = self.grab(hand, at)
+            if place is not None and begin():
+                self.grab(hand, at)
+            return ("grab", (TUBE, at)) if held or place is not None else None
+        if kind == "move":
+            x, y, z = values
+            x = min(max(x, -REACH), self.dissection.beam.span + REACH)
+            y, z = min(max(y, -REACH), REACH), min(max(z, -REACH), REACH)
+            if [x, y, z] == self.hands[hand].target.tolist():
+                return None
+            self.move_hand(hand, np.array([x, y, z]))
+            return "move", (x, y, z)
+        if kind == "release":
+            return ("release", ()) if self.release(hand) else None
+        if kind == "open":
+            return self._open(hand, float(values[0]))
+        if kind == "threshold" and self.torn is None:
+            low, high = self.threshold_range
+            wanted = min(max(float(values[0]), low), high)
+            if wanted != self.threshold:
+                self.threshold = wanted
+                self._forget_reading()
+                return "threshold", (wanted,)
+        return None
+
+    def _open(self, hand: int, opening: float) -> Applied | None:
+        holder = self.hands[hand]
+        if holder.instrument != "dissector":  # no other opens
+            return None
+        before = holder.target_opening
+        self.open_jaws(hand, opening)
+        after = holder.target_opening
+        return ("open", (after,)) if after != before else None
+
+    def choose_instrument(self, hand: int, instrument: Instrument) -> None:
+        """Give a hand another instrument, which touches nothing yet."""
+        self.release(hand)
+        self._withdraw(hand)
+        self._forget_reading()
+        holder = self.hands[hand]
+        holder.instrument = instrument
+        holder.opening = holder.target_opening = 0.0
+        holder.put(self.parking(hand, instrument))
+        for rod in self.touch(hand).rods:
+            self.beam.set_rod(*rod)
+
+    def grab(self, hand: int, station: float) -> Floats | None:
+        """Take hold, mm from the first clamp; return the place, or None where it cannot."""
+        holder = self.hands[hand]
+        if holder.instrument not in HOLDING or self.torn is not None:
+            return None
+        self.release(hand)
+        try:
+            holder.node = self.beam.take(self._scale * station)
+        except ValueError:  # at a clamp, or on top of the other hook
+            return None
+        holder.put(self.beam.places[holder.node])
+        self._still = False
+        self._forget_reading()
+        return holder.place.copy()
+
+    def release(self, hand: int) -> bool:
+        """Let go of the duct; return whether the hand held it."""
+        holder = self.hands[hand]
+        if holder.node is None:
+            return False
+        self.beam.let_go(holder.node)
+        holder.node = None
+        self._still = False
+        self._forget_reading()
+        return True
+
+    def move_hand(self, hand: int, place: Floats) -> None:
+        """Set where a hand's tip goes, (3,) mm."""
+        self.hands[hand].target[:] = place
+
+    def put_hand(self, hand: int, place: Floats) -> None:
+        """Put the tip of a hand that holds nothing somewhere at once, (3,) mm."""
+        self.hands[hand].put(place)
+        self._forget_reading()
+
+    def open_jaws(self, hand: int, opening: float) -> None:
+        """Set how far a dissector's jaws part, mm between their axes."""
+        self.hands[hand].target_opening = min(max(opening, 0.0), MOST_OPENING)
+
+    def touch(self, hand: int) -> Touch:
+        """Return what a hand does to the beam now."""
+        holder = self.hands[hand]
+        node, instrument = holder.node, holder.instrument
+        radius = SWAB_RADIUS if instrument == "swab" else JAW_RADIUS
+        rods = tuple(Rod(number, tip.copy(), TOWARDS_HAND[instrument], radius)
+                     for number, tip in self._tips(hand))  # fmt: skip
+        station = None if node is None else float(self.beam.stations[node])
+        return Touch(station, holder.place.copy(), rods)
+
+    def rods_of(self, hand: int) -> tuple[int, ...]:
+        """Return the rods of the beam that are a hand's jaws or its swab."""
+        return RODS[self.hands[hand].instrument][hand]
+
+    def _tips(self, hand: int) -> list[tuple[int, Floats]]:
+        """Return the rods of a hand's instrument and where their tips are."""
+        holder = self.hands[hand]
+        if holder.instrument == "swab":
+            return [(self.rods_of(hand)[0], holder.place)]
+        if holder.instrument == "dissector":
+            # Closed jaws lie side by side, so that no strand is between them.
+            apart = np.array([0.5 * holder.opening + 1.05 * JAW_RADIUS, 0.0, 0.0])
+            left, right = self.rods_of(hand)
+            return [(left, holder.place - apart), (right, holder.place + apart)]
+        return []
+
+    def _withdraw(self, hand: int) -> None:
+        self.beam.withdraw_rod(2 * hand)
+        self.beam.withdraw_rod(2 * hand + 1)
+        self._still = False
+
+    # Time
+
+    @property
+    def moving(self) -> bool:
+        """Whether the next tick will change something."""
+        if self.torn is not None and self._torn_ticks * TICK_SECONDS < SETTLED_SECONDS:
+            return True
+        return not self._still or not all(hand.arrived for hand in self.hands)
+
+    def advance(self) -> bool:
+        """Advance by one tick; return whether anything has moved."""
+        moved = self._advance()
+        if self.torn is not None and self._torn_ticks * TICK_SECONDS < SETTLED_SECONDS:
+            self._torn_ticks += 1
+            return True
+        return moved
+
+    def _advance(self) -> bool:
+        if self._still and all(hand.arrived for hand in self.hands):
+            return False
+        self._forget_reading()
+        beam = self.beam
+        for number, hand in enumerate(self.hands):
+            hand.advance()
+            if hand.node is not None:
+                beam.lead(hand.node, hand.place)
+            for rod, tip in self._tips(number):
+                beam.lead_rod(rod, tip)
+        self._before[:] = beam.places
+        beam.tick(TICK_SECONDS, ticks=SUBSTEPS)
+        farthest, broken = _changes(self._before, beam.places, beam.state.damage)
+        self._still = farthest <= STILL_MM
+        if broken != self.broken:
+            self.broken, self.freed = broken, beam.freed
+        check = self.surface.check(beam, self.threshold)
+        self.station = check.station
+        self.stress_ratio = check.total_stress / self.threshold
+        self._peak = max(self._peak, self.stress_ratio)
+        if self.stress_ratio > 1.0 and self.torn is None:
+            self.torn = check
+            self.torn_element = beam.tear(beam.worst_stress().station)
+            self.broken, self.freed = beam.broken, beam.freed
+            for number in range(HANDS):  # a duct in two slips off what holds it
+                self.release(number)
+        return True
+
+    def reading(self) -> Reading:
+        """Return what the instruments show now."""
+        if self._reading is None:
+            self._reading = self._read()
+        return self._reading
+
+    def _read(self) -> Reading:
+        beam = self.beam
+        forces = [_vector(force) for force in self.forces.tolist()]
+        squares = (self.forces**2).sum(axis=1)
+        pulling = int(np.argmax(squares))
+        node = self.hands[pulling].node
+        moved = np.zeros(3) if node is None else beam.places[node] - beam.rest_place(node)
+        deflection = math.sqrt(float(moved @ moved))
+        elapsed = self._torn_ticks * TICK_SECONDS
+        torn = Phase.TEARING if tear_front(elapsed) < 1.0 else Phase.TORN
+        return Reading(
+            phase=Phase.INTACT if self.torn is None else torn,
+            check=self.torn or self.surface.check(beam, self.threshold),
+            stress_ratio=self.stress_ratio,
+            forces=tuple(forces),
+            places=tuple(_vector(hand.place.tolist()) for hand in self.hands),
+            holding=tuple(hand.node is not None for hand in self.hands),
+            pulling=pulling,
+            force=math.sqrt(float(squares[pulling])),
+            deflection=deflection,
+            deepest=deflection,
+            breaks_at=None,
+            peak_stress_ratio=self._peak,
+            strands=beam.strands.count,
+            broken=self.broken,
+            freed=self.freed,
+            energy=beam.energy,
+        )
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the figures of `row`."""
+        by_hand = (
+            "x_mm", "y_mm", "z_mm", "opening_mm", "force_x_N", "force_y_N", "force_z_N", "held",
+        )  # fmt: skip
+        return (
+            *(f"hand_{hand + 1}_{name}" for hand in range(HANDS) for name in by_hand),
+            "freed_mm", "strands_broken", "stress_ratio",
+            "work_mJ", "stored_mJ", "dissipated_mJ", "torn",
+        )  # fmt: skip
+
+    def row(self) -> tuple[float, ...]:
+        """Return what the instruments show now, for a table by tick."""
+        energy = self.beam.energy
+        hands = zip(self.hands, self.forces.tolist(), strict=True)
+        return (
+            *(
+                number
+                for hand, force in hands
+                for number in (
+                    *hand.place.tolist(),
+                    hand.opening,
+                    *force,
+                    int(hand.node is not None),
+                )
+            ),
+            self.freed,
+            int(self.broken),
+            self.stress_ratio,
+            energy.work,
+            energy.stored,
+            energy.dissipated,
+            int(self.torn is not None),
+        )
+
+    def held_place(self, hand: int) -> Vector | None:
+        """Return where a hand holds the duct, mm, or None."""
+        holder = self.hands[hand]
+        return None if holder.node is None else _vector(holder.place.tolist())
+
+    def draw(self, drawn: DrawnDuct) -> None:
+        """Move the drawn surfaces; the pieces of a torn duct swing to where they come to rest."""
+        if self.torn is None:
+            drawn.draw_moved(self.move)
+            return
+        # The beam is in its new equilibrium at once.
+        elapsed = self._torn_ticks * TICK_SECONDS
+        swing = tear_swing(elapsed)
+
+        def move(out: Floats, piece: int | None) -> None:
+            self.move(out, piece)
+            out += swing * (drawn.at_tear - out)
+
+        drawn.draw_moved(move)
+        drawn.open_tear(tear_front(elapsed))
+
+    def write_stress(
+        self, drawn: DrawnDuct, out: NDArray[np.float32], surface: int
+    ) -> NDArray[np.float32]:
+        """Write the stress along the organ at each vertex of a drawn surface, MPa."""
+        at = self.beam.stations / self.surface.scale
+        return drawn.write_bed_stress(at, self.beam.stresses(), out, surface)
+
+    # Runs
+
+    def start(self) -> Callable[[], RunStart]:
+        """Return what makes the start of a run that begins now."""
+        specimen, threshold = self.specimen, self.threshold
+        preset, bed = specimen.preset, specimen.bed
+        tips = tuple(_vector(hand.place.tolist()) for hand in self.hands)
+        return lambda: RunStart(
+            preset.name if preset.ships else preset,
+            threshold,
+            bed=None if bed is None else named_or_whole(bed),
+            bed_seed=None if bed is None else specimen.bed_seed,
+            strands_sha256=None if bed is None else strands_digest(self._strands),
+            law=preset.law,
+            stiffening=preset.stiffening,
+            elements=ELEMENTS,
+            substeps=SUBSTEPS,
+            broken_by_touch=self._broken_by_touch,
+            tips_mm=tips,
+        )
+
+    def judged(self, exercise: Exercise | None) -> tuple[Taker, Trial | None]:
+        """Return what takes the measures of a run, and what judges its exercise."""
+        taker = DissectionMeasureTaker(self, broken_by_touch=self._broken_by_touch)
+        return taker, BedTrial(exercise, taker) if isinstance(exercise, BedExercise) else None
+
+    def put_hands(self, tips: Sequence[Sequence[float]]) -> None:
+        """Put the hands' tips somewhere at once, (HANDS, 3) mm, before a run begins."""
+        for hand, tip in enumerate(tips):
+            self.put_hand(hand, np.array(tip))
+
+    @property
+    def forces(self) -> Floats:
+        """(HANDS, 3) of each hand on duct or strands, N."""
+        if self._forces is None:
+            beam = self.beam
+            self._forces = np.zeros((HANDS, 3))
+            for number, hand in enumerate(self.hands):
+                if hand.node is not None:
+                    self._forces[number] = beam.hand_force(hand.node)
+                for rod in self.rods_of(number):
+                    self._forces[number] += beam.rod_force(rod)
+        return self._forces
+
+    def _forget_reading(self) -> None:
+        self._reading: Reading | None = None
+        self._forces: Floats | None = None
+
+    def freed_at(self, stations: Floats) -> Floats:
+        """Return the share of strands that have parted about each station, mm, 0 to 1."""
+        return self.surface.freed_at(self.beam.damage, stations)
+
+    def held_at(self, hand: int) -> float | None:
+        """Return the station that a hand holds, mm from the first clamp, or None."""
+        node = self.hands[hand].node
+        return None if node is None else float(self.beam.stations[node]) / self._scale
+
+    def freed_stretches(self) -> list[tuple[float, float]]:
+        """Return the stretches that are free, mm from the first clamp to mm, in order."""
+        # Free is a bin of about `BIN_MM` of whose strands at least `FREED_PART` have parted.
+        span = self.dissection.beam.span
+        bins = max(1, round(span / BIN_MM))
+        place = (self._strands.stations * (bins / self._rest.span)).astype(np.int64)
+        place = np.minimum(place, bins - 1)
+        whole = np.bincount(place, self.beam.damage < 1.0, minlength=bins)
+        most = (1.0 - FREED_PART) * np.bincount(place, minlength=bins)
+        free = np.concatenate([[False], whole <= most, [False]])
+        edges = np.flatnonzero(free[1:] != free[:-1]) * (span / bins)
+        return [(float(a), float(b)) for a, b in edges.reshape(-1, 2)]
+
+    def move(self, out: Floats, piece: int | None = None) -> Floats:
+        """Write the (D, 3, 4) transforms of the driving points, of a torn duct's piece 0 or 1."""
+        return self.surface.move(self.beam, out, piece, self.torn_element)
+
+
+@njit(cache=True, nogil=True)
+def _changes(before: Floats, places: Floats, damage: Floats) -> tuple[float, int]:
+    """Return how far the node has moved that moved farthest, mm, and how many strands parted."""
+    farthest, parted = 0.0, 0
+    for n in range(places.shape[0]):
+        for i in range(3):
+            farthest = max(farthest, abs(places[n, i] - before[n, i]))
+    for i in range(damage.shape[0]):
+        parted += damage[i] >= 1.0
+    return farthest, parted
+
+
+def _vector(values: list[float]) -> Vector:
+    x, y, z = values
+    return x, y, z

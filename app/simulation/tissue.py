@@ -1,0 +1,109 @@
+"""What hands act on: a specimen that is held, moved and torn tick by tick, whatever solves it."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation.dissection import Dissection
+from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.exercise import Exercise
+from app.simulation.inputs import InputKind
+from app.simulation.reading import Reading, Vector
+from app.simulation.run import Taker
+from app.simulation.run_file import RunStart
+from app.simulation.specimen import Specimen
+from app.simulation.trial import Trial
+from physics import RuptureCheck
+
+__all__ = ["Applied", "Tissue"]
+
+Applied = tuple[InputKind, tuple[float, ...]]
+"""An input as it has acted, its numbers within their range: what a run logs."""
+
+
+class Tissue(Protocol):
+    """A specimen in the state that hands act on."""
+
+    threshold: float
+    """Stress at which the wall tears, MPa."""
+
+    @property
+    def specimen(self) -> Specimen:
+        """What it is."""
+        ...
+
+    @property
+    def dissection(self) -> Dissection:
+        """The organ between its clamps."""
+        ...
+
+    @property
+    def torn(self) -> RuptureCheck | None:
+        """Where and under what the wall has torn, or None."""
+        ...
+
+    @property
+    def moving(self) -> bool:
+        """Whether the next tick will change something."""
+        ...
+
+    def prepare(self, exercise: Exercise | None) -> None:
+        """Make all whole and let go, as an exercise begins, or without one."""
+        ...
+
+    def apply(
+        self, hand: int, kind: InputKind, values: tuple[float, ...], begin: Callable[[], bool]
+    ) -> Applied | None:
+        """Apply an input; return it as it has acted, or None where it changes nothing.
+
+        `begin` is called before what starts a run; it says whether this has started one.
+        """
+        ...
+
+    def renew(self) -> list[tuple[int, Applied]]:
+        """Forget what was solved before, as a run depends on its own inputs alone.
+
+        Return the inputs of hands that are still under way, by hand.
+        """
+        ...
+
+    def held_place(self, hand: int) -> Vector | None:
+        """Return where a hand holds the duct, mm, or None."""
+        ...
+
+    def advance(self) -> bool:
+        """Advance by one tick; return whether anything has moved."""
+        ...
+
+    def reading(self) -> Reading:
+        """Return what the instruments show now."""
+        ...
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the figures of `row`."""
+        ...
+
+    def row(self) -> tuple[float, ...]:
+        """Return what the instruments show now, for a table by tick."""
+        ...
+
+    def draw(self, drawn: DrawnDuct) -> None:
+        """Move the drawn surfaces."""
+        ...
+
+    def write_stress(
+        self, drawn: DrawnDuct, out: NDArray[np.float32], surface: int
+    ) -> NDArray[np.float32]:
+        """Write the stress along the organ at each vertex of a drawn surface, MPa."""
+        ...
+
+    def start(self) -> Callable[[], RunStart]:
+        """Return what makes the start of a run that begins now."""
+        ...
+
+    def judged(self, exercise: Exercise | None) -> tuple[Taker, Trial | None]:
+        """Return what takes the measures of a run, and what judges its exercise."""
+        ...
