@@ -1,5 +1,6 @@
 """Exercises in a bed, done by scripted hands over 20 seeds: who passes, and the measures."""
 
+import re
 from collections import Counter
 from typing import Any
 
@@ -74,7 +75,7 @@ def measure_exercises(console: Console) -> dict[str, Any]:
             ]
             line = f"  {label}: {passed} of {len(ends)} pass; {', '.join(cells)}"
             console.print(line, highlight=False, soft_wrap=True)
-            counted = Counter(outcome.reason.split(": ")[-1] for _, outcome in ends)
+            counted = Counter(re.sub(r"[\d.]+ ", "... ", outcome.reason) for _, outcome in ends)
             why, often = counted.most_common(1)[0]
             console.print(f"    {often} of {len(ends)}: {why}", highlight=False, soft_wrap=True)
             figures[f"{offered.name} {label}"] = {

@@ -39,7 +39,7 @@ PULLS: dict[Goal, type[HoldStretch | ApproachBreak | GentleDissection]] = {
 }
 GOALS: dict[Goal, str] = {**TITLES, **{goal: kind.title for goal, kind in PULLS.items()}}
 # Fields of an exercise that are no limits.
-FIXED = {"name", "bed", "bed_seed", "instruments", "opened_mm", "divided", "one_stretch"}
+FIXED = {"name", "bed", "bed_seed", "instruments", "opened_mm", "divided", "one_stretch", "errors"}
 LONGEST_TITLE, LONGEST_TEXT, LONGEST_FILE = 60, 1000, 20_000
 FEW = 300
 """Vertices of a duct that nobody sees."""
@@ -86,6 +86,7 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     feedback: Feedback = Feedback.CONTINUOUS
     duct: DuctChoice = DuctChoice()
     limits: dict[str, int | float] = {}
+    errors: dict[str, int] = {}  # most incidents of a class that do not fail it
 
     def __post_init__(self) -> None:
         if not 0 < len(self.title.strip()) <= LONGEST_TITLE or not self.title.isprintable():
@@ -94,6 +95,8 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"text must have at most {LONGEST_TEXT} characters")
         if self.goal in PULLS and self.duct.bed is not None:
             raise ValueError(f"duct.bed does not go with {self.goal}, which has no bed")
+        if self.errors and self.goal == "gentle_lifts":
+            raise ValueError("errors do not go with gentle_lifts, which has limits only")
         if unknown := sorted(set(self.limits) - set(_limits(self.goal))):
             raise ValueError(
                 f"limits.{unknown[0]} is none of {self.goal}; there are: "
@@ -116,9 +119,12 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if isinstance(found, BedExercise) and self.duct.bed not in (None, found.bed):
             raise ValueError(f"goal {self.goal} is not done in duct.bed {self.duct.bed!r}")
         try:
-            asked = msgspec.convert(msgspec.to_builtins(found) | self.limits, type(found))
+            plain = msgspec.to_builtins(found) | self.limits
+            if self.errors:
+                plain["errors"] |= self.errors
+            asked = msgspec.convert(plain, type(found))
         except msgspec.ValidationError as error:
-            raise ValueError(f"limits: {error}") from None
+            raise ValueError(f"limits or errors: {error}") from None
         if isinstance(asked, BedExercise) and asked.to_mm > span + 1e-9:
             raise ValueError(f"limits.to_mm must be at most the duct's {span:.1f} mm")
         return SetExercise(
@@ -161,6 +167,14 @@ seed = 1         # of the bed's scatter
 """
     )
     limits = textwrap.indent(textwrap.fill(", ".join(_limits(goal)), 70), "# ")
+    errors = (
+        ""
+        if goal == "gentle_lifts"
+        else """
+[errors]   # most incidents of a class that do not fail it, docs/errors.md; of some it is 0 already
+# repeated_holds = 3
+"""
+    )
     return f"""\
 title = "{GOALS[goal]}"
 text = ""  # what you tell the trainees, in a sentence or two
@@ -173,7 +187,7 @@ feedback = "continuous"   # or "fading", or "summary": figures only in the resul
 [limits]   # what is not named here follows from the duct; there are:
 {limits}
 time_limit_s = 120
-"""
+{errors}"""
 
 
 def _limits(goal: Goal) -> tuple[str, ...]:

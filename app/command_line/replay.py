@@ -10,13 +10,14 @@ from app.command_line.answer import AsJson, answer
 from app.command_line.load import organ_from
 
 if TYPE_CHECKING:
-    from app.simulation import Metrics, RunLog
+    from app.simulation import Incident, Metrics, RunLog
     from organ_geometry import Organ
 
 __all__ = ["replay"]
 
 # Kinds of file that play a run, by suffix.
 PLAYED = (".glb", ".html")
+MOST_ERRORS = 20
 
 
 def replay(
@@ -51,7 +52,7 @@ def replay(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make a run again from its inputs, of a pull or of a dissection, and print its measures.
+    """Make a run again from its inputs, of a pull or of a dissection; print measures and errors.
 
     Says whether they are those of the original, to 12 digits. With -o the run can be seen in other
     programs. Examples: bluntdissect replay run.json; bluntdissect replay run.json -o run.glb
@@ -75,6 +76,7 @@ def replay(
     found = again.run_file()
     same = original.agrees_with(found)
     rows = "" if csv is None else again.series().csv()
+    incidents = again.incidents()
     lines = _lines(found.metrics)
     facts: dict[str, object] = {}
     if found.log.exercise is not None and found.log.start.theory is not None:
@@ -89,6 +91,7 @@ def replay(
         "metrics": found.metrics,
         "outcome": None if outcome is None else msgspec.to_builtins(outcome),
         "as_recorded": same,
+        "incidents": [_incident(each) for each in incidents],
     }
     if outcome is not None:
         passed = "passed" if outcome.passed else "not passed"
@@ -103,6 +106,7 @@ def replay(
     )
     note = f"; it was made with {made}" if made else ""
     lines.append(("as recorded", "yes, to 12 digits" if same else f"no{note}"))
+    lines += _errors(incidents)
     answer(result | played | facts, lines, as_json=as_json, width=28)
     if played and not as_json:
         print(f"{output}: the run in {played['keys']:,} keys, {played['bytes']:,} bytes")
@@ -162,6 +166,34 @@ def _lines(metrics: "Metrics") -> list[tuple[str, str]]:
     force = f" under {tear['force_N']!r} N" if "force_N" in tear else ""
     at = f"at {tear['time_s']!r} s{force}, {tear['station_mm']:.6g} mm from the first clamp"
     return [*lines, ("tear", at)]
+
+
+def _incident(incident: "Incident") -> dict[str, object]:
+    """Return an incident as JSON has it."""
+    import msgspec
+
+    from app.simulation import ERROR_CLASSES
+
+    kind = ERROR_CLASSES[incident.error]
+    plain: dict[str, object] = msgspec.to_builtins(incident)
+    return plain | {"title": kind.title, "mode": kind.mode, "sentence": incident.sentence}
+
+
+def _errors(incidents: "list[Incident]") -> list[tuple[str, str]]:
+    """Return the errors of a run as lines, at most `MOST_ERRORS`."""
+    from app.simulation import ERROR_CLASSES
+
+    if not incidents:
+        return [("errors", "none")]
+    lines = [
+        (
+            "error" + ("" if each.hand is None else f" of hand {each.hand + 1}"),
+            f"{ERROR_CLASSES[each.error].title}; consequence: {each.consequence}. {each.sentence}",
+        )
+        for each in incidents[:MOST_ERRORS]
+    ]
+    more = len(incidents) - MOST_ERRORS
+    return [*lines, ("", f"and {more:,} more: see --json")] if more > 0 else lines
 
 
 def _value(value: float | Sequence[float] | None, unit: str) -> str:

@@ -10,6 +10,7 @@ from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.dissection import PIECES, Dissection, default_preset, fits, organ_beam
 from app.simulation.drawn_duct import Stresses, SurfaceStress
+from app.simulation.errors import ERROR_CLASSES, MODES, Conditions, ErrorClass, Incident
 from app.simulation.exercise import (
     TITLES,
     ApproachBreak,
@@ -79,6 +80,7 @@ __all__ = [
     "CAREFUL",
     "DISTANCE_TO_BREAK",
     "ELEMENTS",
+    "ERROR_CLASSES",
     "FEW",
     "FRONT_SECONDS",
     "HANDS",
@@ -88,6 +90,7 @@ __all__ = [
     "LIMITS",
     "MANNERS",
     "METRICS",
+    "MODES",
     "MOST_BYTES",
     "MOST_OPENING",
     "PIECES",
@@ -106,7 +109,9 @@ __all__ = [
     "BedPreset",
     "BeddedSurface",
     "Clock",
+    "Conditions",
     "Dissection",
+    "ErrorClass",
     "Exercise",
     "ExerciseInputs",
     "Feedback",
@@ -117,6 +122,7 @@ __all__ = [
     "Grasper",
     "Hand",
     "HoldStretch",
+    "Incident",
     "Input",
     "Instrument",
     "Load",

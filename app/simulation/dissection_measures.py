@@ -8,8 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.error_finder import ErrorFinder
+from app.simulation.errors import Incident, Incidents
+from app.simulation.exercise import BedExercise
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import HANDS
+from app.simulation.sight import TOWARDS_VIEWER, WORKING_DISTANCE
 
 if TYPE_CHECKING:
     from app.simulation.spatial_tissue import SpatialTissue
@@ -18,10 +22,6 @@ __all__ = ["DissectionMeasureTaker", "DissectionMeasures", "DissectionTear"]
 
 Floats = NDArray[np.float64]
 
-TOWARDS_VIEWER = np.array([0.0, -0.8, 0.6])
-"""(3,) in the duct's frame, towards the camera of the standard view."""
-# mm along the duct from an instrument within which strands are seen, on whichever side.
-WORKING_DISTANCE = 5.0
 LEAST_FORCE = 1e-3
 """N. A smaller force has no direction worth measuring."""
 
@@ -69,10 +69,20 @@ class DissectionMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 
 
 class DissectionMeasureTaker:
-    """Takes the measures of a duct in its bed, tick by tick."""
+    """Takes the measures of a duct in its bed, tick by tick, and finds errors.
 
-    def __init__(self, duct: "SpatialTissue", *, broken_by_touch: bool = True) -> None:
+    `exercise` is what the run is judged by, if it is.
+    """
+
+    def __init__(
+        self,
+        duct: "SpatialTissue",
+        exercise: BedExercise | None = None,
+        *,
+        broken_by_touch: bool = True,
+    ) -> None:
         # `broken_by_touch` is that of the run's start.
+        self.exercise = exercise
         self.duct, self.broken_by_touch = duct, broken_by_touch
         self._started = False
         self.ticks = 0
@@ -101,6 +111,13 @@ class DissectionMeasureTaker:
         self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         self._torn = duct.torn
         self._measure_freed()
+        wanted = self.exercise
+        self._finder = ErrorFinder(
+            duct,
+            stress_ratio_limit=None if wanted is None else wanted.stress_ratio_limit,
+            out_of_sight_limit=None if wanted is None else wanted.out_of_sight_limit,
+            named={} if wanted is None else wanted.errors,
+        )
 
     def _measure_freed(self) -> None:
         self.freed = self.duct.freed
@@ -121,6 +138,7 @@ class DissectionMeasureTaker:
         self._shares = (share, *self._shares[:-1])
         self._torn = duct.torn
         self._take_forces(duct.forces)
+        out_of_sight = self.out_of_sight
         if moved:
             self._take_work(duct.forces.tolist())
             self._duct_energy = max(self._duct_energy, duct.beam.stored_in_beam)
@@ -128,6 +146,7 @@ class DissectionMeasureTaker:
                 self._broken = duct.broken
                 self._take_broken()
                 self._measure_freed()
+        self._finder.take(self.stretches, self.out_of_sight - out_of_sight)
 
     def _take_forces(self, forces: Floats) -> None:
         beam = self.duct.beam
@@ -199,6 +218,15 @@ class DissectionMeasureTaker:
         for hand in range(HANDS):
             self._by_hand[hand] += int((owner == hand).sum())
         self.out_of_sight += int((~seen).sum())
+
+    @property
+    def errors(self) -> Incidents:
+        """The errors so far, from the start on."""
+        return self._finder.incidents
+
+    def incidents(self) -> list[Incident]:
+        """Return the errors that were made so far."""
+        return self.errors.all()
 
     def measures(self) -> DissectionMeasures:
         """Return the measures so far; a `ValueError` before the start."""

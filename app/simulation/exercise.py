@@ -8,7 +8,8 @@ import msgspec
 import numpy as np
 
 from app.simulation.bed_preset import BedPreset
-from app.simulation.clock import TICK_SECONDS
+from app.simulation.clock import REACTION_SECONDS, TICK_SECONDS
+from app.simulation.errors import ERROR_CLASSES
 from app.simulation.grasped_beam import GraspedBeam
 from app.simulation.inputs import Instrument
 
@@ -51,8 +52,6 @@ BAND_PART = 0.08
 # Deflection at which the duct counts as led back, over that at the band's middle.
 SLACK_PART = 0.25
 LIFTS, LIFT_SECONDS = 3, 1.0
-REACTION_SECONDS = 0.25
-"""s, a visual reaction time (docs/measures.md, source 11)."""
 
 
 class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold_stretch"):
@@ -63,9 +62,11 @@ class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold_s
     seconds: float  # s within the tolerance without leaving it
     force_limit_N: float  # a larger force fails the exercise  # noqa: N815
     time_limit_s: float = 60.0  # for the whole exercise
+    errors: dict[str, int] = {}  # as those of `BedExercise`
     title: ClassVar[str] = "Hold a stretch"
 
     def __post_init__(self) -> None:
+        _known_errors(self.errors)
         _above_zero(self, "deflection_mm", "tolerance_mm", "force_limit_N")
         _in_time(self.seconds, self.time_limit_s)
 
@@ -80,7 +81,7 @@ class HoldStretch(msgspec.Struct, frozen=True, tag_field="exercise", tag="hold_s
     @property
     def limit(self) -> str:
         """What not to do, in one sentence."""
-        return f"Never pull with more than {self.force_limit_N:.3g} N."
+        return f"Never pull with more than {self.force_limit_N:.3g} N.{_titles(self.errors)}"
 
     @property
     def band(self) -> tuple[float, float] | None:
@@ -99,9 +100,11 @@ class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="appr
     margin: float  # distance to break to reach, 0 to 1
     seconds: float  # s to stay at or below the margin
     time_limit_s: float = 60.0
+    errors: dict[str, int] = {}  # as those of `BedExercise`
     title: ClassVar[str] = "Approach the break"
 
     def __post_init__(self) -> None:
+        _known_errors(self.errors)
         if not 0.0 < self.margin < 1.0:
             raise ValueError(f"margin must be above 0 and below 1, got {self.margin}")
         _in_time(self.seconds, self.time_limit_s)
@@ -117,7 +120,7 @@ class ApproachBreak(msgspec.Struct, frozen=True, tag_field="exercise", tag="appr
     @property
     def limit(self) -> str:
         """What not to do, in one sentence."""
-        return "Do not tear the duct."
+        return f"Do not tear the duct.{_titles(self.errors)}"
 
     @property
     def band(self) -> tuple[float, float] | None:
@@ -268,6 +271,8 @@ class BedExercise(
     divided: bool = False  # the duct ends at its second clamp, which is gone
     time_limit_s: float = 120.0
     one_stretch: bool = False  # whether `free_mm` are of one free stretch, or of all
+    # by the key of an error class, the most incidents that do not fail it (docs/errors.md)
+    errors: dict[str, int] = {}
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.from_mm < self.to_mm < math.inf:
@@ -289,6 +294,7 @@ class BedExercise(
             0.0 <= self.opened_mm[0] < self.opened_mm[1] < math.inf
         ):
             raise ValueError(f"opened_mm must rise, got {self.opened_mm}")
+        _known_errors(self.errors)
         if self.out_of_sight_limit < 0:
             raise ValueError(f"out_of_sight_limit must be 0 or more, got {self.out_of_sight_limit}")
         if not 0.0 < self.time_limit_s <= LONGEST_SECONDS:
@@ -323,12 +329,13 @@ class BedExercise(
     @property
     def limit(self) -> str:
         """What not to do, in one sentence."""
-        force = self.instrument_force_limit_N
+        force, seconds = self.instrument_force_limit_N, self.time_to_break_limit_s
         return (
-            f"Never load the wall past {100.0 * self.stress_ratio_limit:.0f} % of its break, "
-            f"nor so fast that it would break within {self.time_to_break_limit_s:g} s"
+            f"Never load the wall past {100.0 * self.stress_ratio_limit:.0f} % of its break"
+            + (f", nor so fast that it would break within {seconds:g} s" if seconds else "")
             + (f", nor push the instrument with more than {force:.2g} N" if force else "")
             + f"; tear no more than {self.out_of_sight_limit} strands out of sight."
+            + _titles(self.errors)
         )
 
     @property
@@ -341,9 +348,10 @@ class BedExercise(
         """Limits that fail the exercise, by the measure's name."""
         found = {
             "peak_stress_ratio": self.stress_ratio_limit,
-            "shortest_time_to_break_s": self.time_to_break_limit_s,
             "strands_broken_out_of_sight": float(self.out_of_sight_limit),
         }
+        if self.time_to_break_limit_s > 0.0:
+            found["shortest_time_to_break_s"] = self.time_to_break_limit_s
         if self.instrument_force_limit_N is not None:
             found["maximum_instrument_force_N"] = self.instrument_force_limit_N
         return found
@@ -459,6 +467,23 @@ def _above_zero(exercise: msgspec.Struct, *names: str) -> None:
         value = getattr(exercise, name)
         if not 0.0 < value < math.inf:
             raise ValueError(f"{name} must be above 0 and finite, got {value}")
+
+
+def _known_errors(errors: dict[str, int]) -> None:
+    for error, most in errors.items():
+        if error not in ERROR_CLASSES:
+            raise ValueError(
+                f"errors has {error!r}, which is no class of errors; there are: "
+                f"{', '.join(ERROR_CLASSES)}"
+            )
+        if most < 0:
+            raise ValueError(f"errors.{error} must be 0 or more incidents, got {most}")
+
+
+def _titles(errors: dict[str, int]) -> str:
+    """Return a sentence that names the errors that fail an exercise, after a blank."""
+    titles = ", ".join(ERROR_CLASSES[error].title.lower() for error in errors)
+    return f" These errors fail it: {titles}." if titles else ""
 
 
 def _in_time(seconds: float, limit: float) -> None:

@@ -54,7 +54,16 @@ def follow(
 class Hand:
     """A hand with its instrument."""
 
-    __slots__ = ("_speed", "instrument", "node", "opening", "place", "target", "target_opening")
+    __slots__ = (
+        "_speed",
+        "holds",
+        "instrument",
+        "node",
+        "opening",
+        "place",
+        "target",
+        "target_opening",
+    )
 
     def __init__(self, instrument: Instrument, place: NDArray[np.float64]) -> None:
         self.instrument: Instrument = instrument
@@ -63,6 +72,7 @@ class Hand:
         self._speed = np.zeros(3)  # mm/s
         self.opening = self.target_opening = 0.0  # between the axes of a dissector's jaws, mm
         self.node: int | None = None  # the beam's node that it holds
+        self.holds = 0  # how often it has taken hold
 
     @property
     def arrived(self) -> bool:

@@ -5,6 +5,8 @@ import math
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.errors import Incident, Incidents
+from app.simulation.errors.pace import PullErrorFinder
 from physics import BreakEvent
 
 __all__ = ["MeasureTaker", "Measures", "TearMeasures"]
@@ -77,6 +79,7 @@ class MeasureTaker:
 
     def __init__(self, task_threshold: float, band: tuple[float, float] | None = None) -> None:
         self._threshold, self._band = task_threshold, band
+        self._finder = PullErrorFinder()
         self.ticks = 0
         self.maximum_force = self.maximum_loading_rate = self._force_sum = 0.0
         self.overshoot = None if band is None else 0.0
@@ -95,6 +98,15 @@ class MeasureTaker:
         self.force = self.deflection = 0.0
         self.distance_to_break = 1.0
         self.held = False
+
+    @property
+    def errors(self) -> Incidents:
+        """The errors so far."""
+        return self._finder.incidents
+
+    def incidents(self) -> list[Incident]:
+        """Return the errors that were made so far."""
+        return self.errors.all()
 
     @property
     def torn(self) -> bool:
@@ -141,6 +153,7 @@ class MeasureTaker:
             if size > self._threshold:
                 self._over += 1
         self._distance = min(self._distance, distance_to_break)
+        self._finder.take(1.0 - distance_to_break, deflection, held=held)
         if held:
             if self._held == 0:
                 self._forces = (size,) * RATE_TICKS
@@ -163,6 +176,7 @@ class MeasureTaker:
     def tear(self, event: BreakEvent) -> None:
         """Note what broke, at the present tick."""
         check = event.check
+        self._finder.tear(check.station)
         self._tear = TearMeasures(
             criterion="normal stress + bending stress > threshold",
             station_mm=check.station,

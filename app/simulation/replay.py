@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
+from app.simulation.errors import Incident
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import RunFile, RunLog
 from app.simulation.session import Session
@@ -110,6 +111,12 @@ class Replay:
             self.seek_tick(self.log.ticks)
             session = self._session
             return RunFile.of(self.log, session.metrics(), session.run.outcome)
+
+    def incidents(self) -> list[Incident]:
+        """Return the errors that were made in the run, in order."""
+        with self._aside():
+            self.seek_tick(self.log.ticks)
+            return self._session.run.incidents()
 
     def series(self) -> Series:
         """Return what the instruments showed, tick by tick."""

@@ -6,6 +6,7 @@ from typing import Protocol
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.errors import Incident
 from app.simulation.exercise import (
     Exercise,
     ExerciseInputs,
@@ -38,6 +39,10 @@ class Taker(Protocol):
 
     def measures(self) -> msgspec.Struct:
         """Return the measures so far."""
+        ...
+
+    def incidents(self) -> list[Incident]:
+        """Return the errors that were made so far."""
         ...
 
 
@@ -145,6 +150,10 @@ class Run:
     def metrics(self) -> Metrics:
         """Return the measures so far, by key."""
         return metrics_of(self._taker.measures())
+
+    def incidents(self) -> list[Incident]:
+        """Return the errors that were made so far, in order; none before the start."""
+        return self._taker.incidents() if self.started else []
 
     def file(self, organ: OrganIdentity, seed: int) -> RunFile:
         """Return the run so far; a `ValueError` before the start."""

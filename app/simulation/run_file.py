@@ -142,12 +142,14 @@ class RunFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return cls(FORMAT, VERSION, log, metrics, outcome)
 
     def agrees_with(self, found: "RunFile") -> bool:
-        """Return whether a replayed run has this file's outcome and metrics, to 12 digits."""
+        """Return whether a replayed run ends as this file and has its metrics, to 12 digits."""
         wanted = self.metrics
         if self.converted_from == 1 and found.metrics.get("smoothness") is None:
             # Version 1 gave a smoothness of incomplete movements too (docs/measures.md).
             wanted = {key: value for key, value in wanted.items() if key != "smoothness"}
-        return self.outcome == found.outcome and all(
+        # The reason of an outcome is put in today's words.
+        passed = [None if each is None else each.passed for each in (self.outcome, found.outcome)]
+        return passed[0] == passed[1] and all(
             key in found.metrics and same_to_12_digits(value, found.metrics[key])
             for key, value in wanted.items()
         )

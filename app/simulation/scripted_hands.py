@@ -55,7 +55,7 @@ MANNERS: dict[BedExerciseName, dict[str, BedManner]] = {
     "free_scar": {
         "good": BedManner(held=1.0),
         "hasty": BedManner(speed=20.0),
-        "clumsy": BedManner(held=5.0 / 3.0),
+        "clumsy": BedManner(held=8.0 / 3.0),
     },
 }
 """Good hands and others, for each exercise."""

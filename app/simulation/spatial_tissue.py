@@ -98,7 +98,7 @@ class SpatialTissue:
         layer = specimen.layer(self._rest)
         self._strands = Strands.joined([]) if layer is None else layer.strands_under(self._rest)
         self._floor = None if layer is None else layer.floor_under(self._rest)
-        self._radius = float(self._rest.radius.mean())
+        self.radius = float(self._rest.radius.mean())  # mm
         self.surface = BeddedSurface(self.dissection, self._rest, self._strands)
         self._scale = self.surface.scale
         self.prepare(None)
@@ -174,9 +174,9 @@ class SpatialTissue:
         """Return where an instrument that touches nothing waits, (3,) mm."""
         along = PARKED_AT[hand] * self._rest.span
         if instrument == "dissector":  # beside the duct, at the height at which it passes under it
-            height = -self._radius - 0.5 * self.gap_mm
-            return np.array([along, -3.0 * self._radius - 5.0, height])
-        return np.array([along, -self._radius, 3.0 * self._radius])
+            height = -self.radius - 0.5 * self.gap_mm
+            return np.array([along, -3.0 * self.radius - 5.0, height])
+        return np.array([along, -self.radius, 3.0 * self.radius])
 
     # Hands
 
@@ -249,6 +249,7 @@ class SpatialTissue:
             holder.node = self.beam.take(self._scale * station)
         except ValueError:  # at a clamp, or on top of the other hook
             return None
+        holder.holds += 1
         holder.put(self.beam.places[holder.node])
         self._still = False
         self._forget_reading()
@@ -477,8 +478,9 @@ class SpatialTissue:
 
     def judged(self, exercise: Exercise | None) -> tuple[Taker, Trial | None]:
         """Return what takes the measures of a run, and what judges its exercise."""
-        taker = DissectionMeasureTaker(self, broken_by_touch=self._broken_by_touch)
-        return taker, BedTrial(exercise, taker) if isinstance(exercise, BedExercise) else None
+        task = exercise if isinstance(exercise, BedExercise) else None
+        taker = DissectionMeasureTaker(self, task, broken_by_touch=self._broken_by_touch)
+        return taker, None if task is None else BedTrial(task, taker)
 
     def put_hands(self, tips: Sequence[Sequence[float]]) -> None:
         """Put the hands' tips somewhere at once, (HANDS, 3) mm, before a run begins."""

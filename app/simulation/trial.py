@@ -1,8 +1,10 @@
 """Trials: one attempt at an exercise, judged tick by tick."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.errors import Incidents
 from app.simulation.exercise import (
     ApproachBreak,
     Exercise,
@@ -13,7 +15,7 @@ from app.simulation.exercise import (
 )
 from app.simulation.measures import MeasureTaker
 
-__all__ = ["Trial", "trial_of"]
+__all__ = ["Trial", "failed_by", "trial_of"]
 
 
 class Trial(ABC):
@@ -45,6 +47,14 @@ class Trial(ABC):
         ...
 
 
+def failed_by(errors: Mapping[str, int], found: Incidents) -> Outcome | None:
+    """Return the failure by an error of which there are more incidents than allowed, or None."""
+    for error, most in errors.items():
+        if found.number.get(error, 0) > most:
+            return Outcome(False, found.last_of(error).sentence)
+    return None
+
+
 class _Hold(Trial):
     def __init__(self, exercise: HoldStretch, taker: MeasureTaker) -> None:
         super().__init__(exercise.time_limit_s)
@@ -61,6 +71,9 @@ class _Hold(Trial):
                 False,
                 f"The force reached {figures.force:.3g} N, past {wanted.force_limit_N:.3g} N.",
             )
+        failed = failed_by(wanted.errors, figures.errors)
+        if failed is not None:
+            return failed
         off = abs(figures.deflection - wanted.deflection_mm)
         done = self._stay.take(figures.held and off <= wanted.tolerance_mm)
         self.progress, self.standing = self._stay.part, self._stay.standing
@@ -85,6 +98,9 @@ class _Approach(Trial):
         margin, figures = self._exercise.margin, self._taker
         if figures.torn:
             return Outcome(False, f"The duct tore at {figures.force:.3g} N.")
+        failed = failed_by(self._exercise.errors, figures.errors)
+        if failed is not None:
+            return failed
         self._nearest = min(self._nearest, figures.distance_to_break)
         done = self._stay.take(figures.held and figures.distance_to_break <= margin)
         # Half of the progress is for getting there, half for staying.

@@ -18,13 +18,13 @@ from app.simulation import (
 )
 
 WHY = {
-    ("window", "hasty"): "the duct was lifted, which the dissector behind it does not need",
-    ("window", "clumsy"): "the duct was lifted, which the dissector behind it does not need",
-    ("follow_front", "hasty"): "the pull was too fast",
-    ("follow_front", "clumsy"): "mm behind the front",
-    ("follow_front", "sideways"): "the pull was sideways",
-    ("free_scar", "hasty"): "the duct was not held up",
-    ("free_scar", "clumsy"): "the duct was held up higher than the jaws need",
+    ("window", "hasty"): "is enough here",
+    ("window", "clumsy"): "is enough here",
+    ("follow_front", "hasty"): "Lift at half that speed",
+    ("follow_front", "clumsy"): "5 mm behind the front",
+    ("follow_front", "sideways"): "degrees off straight up",
+    ("free_scar", "hasty"): "while nothing held the duct up",
+    ("free_scar", "clumsy"): "Lift less",
 }
 
 
@@ -60,13 +60,16 @@ def test_good_hands_pass_and_others_are_told_why_they_fail(bed: str, seed: int) 
             assert outcome is not None, (name, label)
             if label == "good":
                 assert outcome.passed, outcome
+                assert session.run.incidents() == []
                 assert session.run.progress == 1.0
                 measures = session.metrics()
                 assert measures["longest_freed_stretch_mm"] <= measures["freed_mm"] + 2.0
             else:
                 assert not outcome.passed
                 assert WHY[name, label] in outcome.reason
-                assert outcome.reason.count(". ") == 0, "more than a sentence"
+                assert outcome.reason.count(". ") == 1, "what happened, and what to do instead"
+                # What fails it is an error that the run has, too.
+                assert session.run.incidents()
 
 
 def test_a_window_is_one_opening() -> None:
@@ -93,6 +96,9 @@ def test_an_exercise_made_again_ends_with_the_same_words() -> None:
     read = read_run(content)
     again = Replay(read.log, phantom(), vertices=300)
     assert run_json(again.run_file()) == content
+    found = session.run.incidents()
+    assert found[0].error == "behind_front"
+    assert again.incidents() == found, "a replay has the errors of its run"
     session.reset()
     assert session.run.exercise is None
     assert session.reading().broken == 0
@@ -133,6 +139,8 @@ def test_another_duct_has_exercises_of_its_own(preset: str) -> None:
         ({"stress_ratio_limit": 1.5}, "stress_ratio_limit must be above 0 and below 1"),
         ({"time_to_break_limit_s": -1.0}, "time_to_break_limit_s must be 0 or more"),
         ({"instrument_force_limit_N": 0.0}, "instrument_force_limit_N must be above 0"),
+        ({"errors": {"haste": 0}}, "errors has 'haste', which is no class of errors; there are: "),
+        ({"errors": {"stirring": -1}}, "errors.stirring must be 0 or more incidents"),
         ({"out_of_sight_limit": -1}, "out_of_sight_limit must be 0 or more"),
         ({"opened_mm": (9.0, 3.0)}, "opened_mm must rise"),
         ({"time_limit_s": 1e9}, "time_limit_s must be above 0 and at most"),

@@ -255,6 +255,18 @@ def test_an_exercise_file_asks_what_the_trainer_would(goal: Goal) -> None:
     assert {hints[each] for each in _limits(goal)} <= {int, float, float | None}
 
 
+def test_an_exercise_file_may_change_which_errors_fail_it() -> None:
+    text = template("window").replace("# repeated_holds = 3", "repeated_holds = 3\nstirring = 2")
+    plain, changed = (
+        read_exercise(each).on(phantom(), None) for each in (template("window"), text)
+    )
+    assert isinstance(plain.exercise, BedExercise)
+    assert isinstance(changed.exercise, BedExercise)
+    assert plain.exercise.errors["stirring"] == 0
+    assert changed.exercise.errors == plain.exercise.errors | {"stirring": 2, "repeated_holds": 3}
+    assert "stirred with the jaws" in changed.exercise.limit
+
+
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
@@ -268,6 +280,8 @@ def test_an_exercise_file_asks_what_the_trainer_would(goal: Goal) -> None:
         ("= 120", '= "long"', "limits"),
         ("= 120", "= 120\nto_mm = 90.0", "at most the duct's 50.8 mm"),
         ('"normal"', '"cloud"', "unknown bed 'cloud'"),
+        ("# repeated_holds", "haste", "errors has 'haste', which is no class of errors; there are"),
+        ("# repeated_holds = 3", "leaning = -1", "errors.leaning must be 0 or more incidents"),
         ('"normal"', '"scar"', "not done in duct.bed 'scar'"),
         ("# preset", "preset", ""),
         ('# preset = "thesis-bile-duct"', 'preset = "steel"', "unknown preset 'steel'"),

@@ -1,0 +1,380 @@
+"""Finds the errors of `app.simulation.errors` at a duct in its bed, tick by tick.
+
+A run that is replayed has the same incidents, so no run file holds them. Speeds and growths are
+taken over several ticks, from end to end: over one a hand's tremor is most of them.
+"""
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation.bed_preset import bed_named
+from app.simulation.clock import REACTION_SECONDS, TICK_SECONDS
+from app.simulation.errors import Conditions, Incidents
+from app.simulation.errors.incidents import Consequence
+from app.simulation.errors.pace import PULL_TICKS, Pace
+from app.simulation.hand import Hand
+from app.simulation.run_file import HANDS
+from app.simulation.sight import TOWARDS_VIEWER
+from kernel_cache import SameTypes, njit
+
+if TYPE_CHECKING:
+    from app.simulation.spatial_tissue import SpatialTissue
+
+__all__ = ["ErrorFinder"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Span = tuple[float, float]
+
+# Ticks over which an instrument's speed and a slow shift of jaws are taken.
+TIP_TICKS, SHIFT_TICKS = 3, 8
+MEAN_PULL = 0.1
+"""Part by which the mean pull nears that of a tick: a mean over 0.3 s."""
+TURN_MM = 2.0
+"""mm by which a tip that goes back turns, and within which two holds are at one place."""
+SAME = 1e-6
+"""mm. Ends of stretches differ from a clamp or a divided end by rounding only."""
+
+
+class _Watch:
+    """What is known of a hand's last seconds."""
+
+    __slots__ = (
+        "events", "events_start", "extremes", "front_away", "held_at", "highest",
+        "holds", "instrument", "judged", "leaning", "most", "places", "presses", "pull",
+        "recent_holds", "turns", "way",
+    )  # fmt: skip
+
+    def __init__(self, hand: Hand) -> None:
+        self.instrument, self.holds = hand.instrument, hand.holds
+        self.places: deque[tuple[float, float, float, float]] = deque(maxlen=SHIFT_TICKS + 1)
+        self.stand(hand)
+        self.pull = [0.0, 0.0, 0.0]
+        self.leaning = 0  # ticks
+        self.recent_holds: deque[tuple[int, float]] = deque()
+        self.held_at = self.highest = self.most = 0.0
+        self.front_away: float | None = None
+        self.judged = True
+        self.forget_sweep()
+
+    def stand(self, hand: Hand) -> None:
+        """Start a new way where the hand is."""
+        x, y, z = hand.place.tolist()
+        self.places.clear()
+        self.places.extend([(x, y, z, hand.opening)] * (SHIFT_TICKS + 1))
+
+    def forget_sweep(self) -> None:
+        """Start anew with what jaws do that stay closed."""
+        # Strands that have parted on jaws that do not open: tick, how many.
+        self.events: deque[tuple[int, int]] = deque()
+        self.events_start = (0.0, 0.0, 0.0)
+        self.turns: deque[int] = deque()
+        self.presses = deque([0.0] * PULL_TICKS, maxlen=PULL_TICKS)  # N
+        self.extremes = [self.places[-1][axis] for axis in range(3)]
+        self.way = [0, 0, 0]  # along each axis: 1 or -1, 0 before the first
+
+    def speed(self, ticks: int) -> float:
+        """Return the tip's speed from end to end, mm/s."""
+        a, b = self.places[-1], self.places[-1 - ticks]
+        return math.dist(a[:3], b[:3]) / (ticks * TICK_SECONDS)
+
+
+class ErrorFinder:
+    """Finds the incidents of one run on one duct.
+
+    Parameters
+    ----------
+    duct
+        At the start of the run.
+    stress_ratio_limit, out_of_sight_limit, named
+        The exercise's, if there is one: its limits, and the classes that it names.
+    """
+
+    def __init__(
+        self,
+        duct: "SpatialTissue",
+        *,
+        stress_ratio_limit: float | None = None,
+        out_of_sight_limit: int | None = None,
+        named: Mapping[str, int],
+    ) -> None:
+        self._duct = duct
+        self.radius = duct.radius
+        bed = duct.bed or bed_named("normal")  # a free duct has no strands to judge
+        self.incidents = Incidents(
+            Conditions(
+                bed.yield_mm, bed.part_mm, self.radius, stress_ratio_limit, out_of_sight_limit
+            ),
+            named,
+        )
+        self._most_share = stress_ratio_limit or 1.0
+        self._watches = [_Watch(hand) for hand in duct.hands]
+        self._damage = duct.beam.state.damage.copy()
+        self._rods = np.full((HANDS, 2), -1, dtype=np.int64)
+        self._set_rods()
+        self._counts = np.zeros((HANDS + 1, 3), dtype=np.int64)
+        self._pace = Pace(self.incidents)
+        self._torn = duct.torn is not None
+
+    def take(self, stretches: list[Span], out_of_sight: int) -> None:
+        """Take a tick with the stretches that are free, mm; so many strands parted unseen in it."""
+        duct, incidents = self._duct, self.incidents
+        incidents.tick += 1
+        self._stretches = stretches
+        state = duct.beam.state
+        _COUNT(state.damage, self._damage, state.side, self._rods, self._counts)
+        counts: list[list[int]] = self._counts.tolist()
+        share = duct.stress_ratio
+        self._pace.take(share)
+        forces: list[list[float]] = duct.forces.tolist()
+        holding = 0
+        dissecting = [False] * HANDS
+        for i, hand in enumerate(duct.hands):
+            watch = self._watches[i]
+            if hand.instrument != watch.instrument:
+                watch.instrument = hand.instrument
+                watch.stand(hand)
+                watch.forget_sweep()
+                self._set_rods()
+            holding += hand.node is not None
+            dissecting[i] = counts[i][1] > 0
+        parted = counts[HANDS][0]
+        for i, hand in enumerate(duct.hands):
+            watch = self._watches[i]
+            if hand.node is not None and hand.holds != watch.holds:
+                self._take_hold(i, hand, watch)
+            else:
+                watch.places.append((*hand.place.tolist(), hand.opening))
+            if hand.node is not None:
+                self._judge_hold(i, watch, forces[i], parted, dissecting[1 - i])
+            elif self._rods[i, 0] >= 0:
+                self._judge_instrument(i, hand, watch, *counts[i], holding=holding)
+        limit = incidents.limits["unseen"]["strands"]
+        if out_of_sight >= limit:
+            incidents.note("unseen", None, duct.station, out_of_sight, out_of_sight)
+        if duct.torn is not None and not self._torn:
+            self._torn = True
+            incidents.note("tear", None, duct.torn.station, x=duct.torn.station)
+        incidents.end_tick(self._consequence(share, out_of_sight))
+
+    def _consequence(self, share: float, out_of_sight: int) -> Consequence:
+        if self._torn:
+            return "injury"
+        if out_of_sight:
+            return "minor"
+        if share > self._most_share or self._pace.too_fast:
+            return "near miss"
+        return "none"
+
+    def _set_rods(self) -> None:
+        self._rods[:] = -1
+        for i in range(HANDS):
+            rods = self._duct.rods_of(i)
+            self._rods[i, : len(rods)] = rods
+
+    # Jaws and swabs
+
+    def _judge_instrument(
+        self, i: int, hand: Hand, watch: _Watch, parted: int, going: int, touching: int,
+        *, holding: int,
+    ) -> None:  # fmt: skip
+        incidents, limits = self.incidents, self.incidents.limits
+        places = watch.places
+        station, tool = places[-1][0], watch.instrument
+        speed = watch.speed(TIP_TICKS) if touching else 0.0
+        if parted:
+            fast = limits["fast_in_tissue"]
+            most = fast["speed"]
+            if speed > most and parted >= fast["strands"]:
+                incidents.note(
+                    "fast_in_tissue", i, station, speed, parted, v=speed, speed=most, tool=tool
+                )
+            opened = (places[-1][3] - places[-1 - TIP_TICKS][3]) / (TIP_TICKS * TICK_SECONDS)
+            if opened > 1.001 * limits["jumping_jaws"]["speed"]:
+                incidents.note("jumping_jaws", i, station, opened, parted, v=opened)
+            if not holding:
+                incidents.note("no_traction", i, station, 0.0, parted)
+        if touching:
+            most = limits["blind_stab"]["speed"]
+            if speed > most and _hidden(
+                self._duct.beam.places, hand.place, TOWARDS_VIEWER, self.radius
+            ):
+                incidents.note(
+                    "blind_stab", i, station, speed, v=speed, d=speed * REACTION_SECONDS, speed=most
+                )
+        presses = self._duct.beam.state.press
+        press = max(math.hypot(*presses[rod].tolist()) for rod in self._duct.rods_of(i))
+        watch.presses.append(press)
+        press = sum(watch.presses) / PULL_TICKS
+        if press > limits["instrument_on_wall"]["force"]:
+            incidents.note("instrument_on_wall", i, station, press, f=press, tool=tool)
+        if tool == "dissector":
+            self._judge_sweep(i, watch, parted)
+
+    def _judge_sweep(self, i: int, watch: _Watch, parted: int) -> None:
+        """Judge what jaws do that do not open: how far they go, and whether to and fro."""
+        incidents, tick = self.incidents, self.incidents.tick
+        stir, plough = incidents.limits["stirring"], incidents.limits["ploughing"]
+        now, before = watch.places[-1], watch.places[0]
+        for axis in range(3):
+            away = now[axis] - watch.extremes[axis]
+            if away * watch.way[axis] > 0.0:
+                watch.extremes[axis] = now[axis]
+            elif abs(away) > TURN_MM:
+                if watch.way[axis]:
+                    watch.turns.append(tick)
+                watch.extremes[axis], watch.way[axis] = now[axis], 1 if away > 0.0 else -1
+        while watch.turns and (tick - watch.turns[0]) * TICK_SECONDS > stir["seconds"]:
+            watch.turns.popleft()
+        while watch.events and (tick - watch.events[0][0]) * TICK_SECONDS > plough["seconds"]:
+            watch.events.popleft()
+        if not parted:
+            return
+        # Jaws open where they part farther than their tip moves.
+        opened = now[3] - before[3]
+        if opened > max(0.3, math.dist(now[:3], before[:3])):
+            return
+        if not watch.events:
+            watch.events_start = now[:3]
+        watch.events.append((tick, parted))
+        total = sum(number for _, number in watch.events)
+        far = math.dist(now[:3], watch.events_start)
+        if total < plough["strands"]:
+            return
+        if len(watch.turns) >= stir["turns"]:
+            incidents.note("stirring", i, now[0], total, n=total)
+        elif far > plough["travel"]:
+            incidents.note("ploughing", i, now[0], far, n=total, d=far)
+
+    # Holds
+
+    def _take_hold(self, i: int, hand: Hand, watch: _Watch) -> None:
+        """Start a new hold."""
+        watch.holds = hand.holds
+        watch.stand(hand)
+        at = self._duct.held_at(i) or 0.0
+        watch.held_at, watch.most, watch.judged, watch.leaning = at, 0.0, False, 0
+        watch.highest = watch.places[-1][2]
+        watch.front_away = self._front(at)[0]
+        tick, limits = self.incidents.tick, self.incidents.limits["repeated_holds"]
+        holds = watch.recent_holds
+        if holds and abs(holds[-1][1] - at) > TURN_MM:
+            holds.clear()
+        holds.append((tick, at))
+        while (tick - holds[0][0]) * TICK_SECONDS > limits["seconds"]:
+            holds.popleft()
+        if len(holds) >= limits["holds"]:
+            self.incidents.note("repeated_holds", i, at, len(holds), n=float(len(holds)), x=at)
+
+    def _front(self, at: float) -> tuple[float | None, float]:
+        """Return how far a station is from the nearest edge of a free stretch, mm, and the edge."""
+        # Above zero where it is not free; None without an edge, as a divided end and a clamp are
+        # none.
+        span = self._duct.dissection.beam.span
+        outside: list[tuple[float, float]] = []
+        for a, b in self._stretches:
+            edges = [(abs(edge - at), edge) for edge in (a, b) if SAME < edge < span - SAME]
+            if a - SAME <= at <= b + SAME:
+                far, edge = min(edges, default=(None, 0.0))
+                return (None if far is None else -far), edge
+            outside += edges
+        return min(outside, default=(None, 0.0))
+
+    def _judge_hold(
+        self, i: int, watch: _Watch, force: list[float], parted: int, other_dissects: bool
+    ) -> None:
+        incidents, limits = self.incidents, self.incidents.limits
+        at, share = watch.held_at, self._pace.share
+        size = math.hypot(*force)
+        watch.most = max(watch.most, size)
+        pull = watch.pull
+        for r in range(3):
+            pull[r] += MEAN_PULL * (force[r] - pull[r])
+        lost = limits["traction_lost"]
+        height = watch.places[-1][2]
+        watch.highest = max(watch.highest, height)
+        if (
+            other_dissects
+            and watch.most > lost["pull"]
+            and size < lost["part"] * watch.most
+            and watch.highest - height > lost["down"]
+        ):
+            incidents.note("traction_lost", i, at, -size, most=watch.most, f=size)
+        if size <= limits["ahead_of_front"]["pull"]:
+            return
+        if self._rods[1 - i, 0] < 0:
+            self._judge_place(i, watch)
+        lean = limits["leaning"]
+        angle = math.degrees(math.atan2(abs(pull[1]), pull[2]))
+        leans = angle > lean["angle"] and math.hypot(*pull) > lean["pull"]
+        watch.leaning = watch.leaning + 1 if leans else 0
+        if watch.leaning * TICK_SECONDS > lean["seconds"]:
+            incidents.note("leaning", i, at, angle, a=angle)
+        most = limits["over_lifted"]["most"]
+        if share > most:
+            incidents.note(
+                "over_lifted", i, at, share,
+                p=100.0 * share, m=watch.places[-1][2], most=100.0 * most,
+            )  # fmt: skip
+        self._pace.judge(i, at, watch.speed(PULL_TICKS), parted=parted > 0)
+
+    def _judge_place(self, i: int, watch: _Watch) -> None:
+        """Judge where a hold was taken, once it pulls, and how far the front has run from it."""
+        incidents, limits = self.incidents, self.incidents.limits
+        at, away = watch.held_at, watch.front_away
+        if away is None:
+            return
+        now, front = self._front(at)
+        if not watch.judged:
+            watch.judged = True
+            if away > limits["ahead_of_front"]["near"]:
+                incidents.note("ahead_of_front", i, at, x=at, d=away, front=front)
+            elif -away > limits["behind_front"]["far"]:
+                incidents.note("behind_front", i, at, x=at, d=-away, front=front)
+        if now is not None and min(0.0, away) - now > limits["one_go"]["far"]:
+            incidents.note("one_go", i, at, -now, d=-now)
+
+
+@njit(cache=True, nogil=True)
+def _count(damage: Floats, before: Floats, side: Ints, rods: Ints, out: Ints) -> None:
+    """Count the strands that parted, that are being parted and that touch, and keep the damage.
+
+    `rods` are those of each hand, (H, 2), -1 for none; `out` is (H + 1, 3), by hand and of all.
+    """
+    hands = rods.shape[0]
+    out[:] = 0
+    for s in range(damage.shape[0]):
+        going = damage[s] > before[s] + 1e-9
+        parted = going and damage[s] >= 1.0
+        before[s] = damage[s]
+        out[hands, 0] += parted
+        for hand in range(hands):
+            for k in range(rods.shape[1]):
+                rod = rods[hand, k]
+                if rod >= 0 and (side[rod, s] == 1 or side[rod, s] == -1):
+                    out[hand, 0] += parted
+                    out[hand, 1] += going
+                    out[hand, 2] += 1
+                    break
+
+
+@njit(cache=True, nogil=True)
+def _hidden(places: Floats, tip: Floats, towards: Floats, radius: float) -> bool:
+    """Return whether the line from a tip towards the viewer passes within a radius of an axis."""
+    for n in range(places.shape[0]):
+        along, square = 0.0, 0.0
+        for r in range(3):
+            gap = places[n, r] - tip[r]
+            along += gap * towards[r]
+            square += gap * gap
+        if along > 0.0 and square - along * along < radius * radius:
+            return True
+    return False
+
+
+_COUNT = SameTypes(_count)

@@ -1,0 +1,23 @@
+"""Errors of blunt dissection: their classes as data, and the incidents of a run."""
+
+from app.simulation.errors.classes import (
+    CLOSED_AFTER,
+    ERROR_CLASSES,
+    MODES,
+    Conditions,
+    ErrorClass,
+    Parameter,
+)
+from app.simulation.errors.incidents import Consequence, Incident, Incidents
+
+__all__ = [
+    "CLOSED_AFTER",
+    "ERROR_CLASSES",
+    "MODES",
+    "Conditions",
+    "Consequence",
+    "ErrorClass",
+    "Incident",
+    "Incidents",
+    "Parameter",
+]

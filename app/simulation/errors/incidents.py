@@ -1,0 +1,158 @@
+"""Incidents: errors that were made in a run, found tick by tick, and what came of each."""
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+import msgspec
+
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.errors.classes import CLOSED_AFTER, ERROR_CLASSES, Conditions
+
+__all__ = ["Consequence", "Incident", "Incidents", "Values"]
+
+Consequence = Literal["none", "near miss", "minor", "injury"]
+"""Measured, up to 1 s after an incident. Near miss: the stress passed the exercise's limit, or the
+break was nearer than a reaction time; minor: strands parted out of sight; injury: the duct tore."""
+CONSEQUENCES: tuple[Consequence, ...] = ("none", "near miss", "minor", "injury")
+Values = dict[str, float | str]
+
+CLOSED_TICKS = round(CLOSED_AFTER / TICK_SECONDS)
+FOLLOWED_TICKS = round(1.0 / TICK_SECONDS)
+"""Ticks after an incident in which what happens is its consequence, or has it for a cause."""
+
+
+class Incident(msgspec.Struct, frozen=True):
+    """An error that was made: when, by which hand, where, with what consequence."""
+
+    error: str  # key of its class
+    start_s: float  # from the start of the run
+    end_s: float
+    hand: int | None
+    tube: int  # number of the tube; 0 of a duct alone
+    station_mm: float | None  # on it, from the first clamp
+    consequence: Consequence
+    values: Values  # of its worst tick
+
+    @property
+    def happened(self) -> str:
+        """What was done and where: a clause without a full stop."""
+        return ERROR_CLASSES[self.error].happened.format(t=self.start_s, **self.values)
+
+    @property
+    def sentence(self) -> str:
+        """What was done, where, and what to do instead."""
+        return f"{self.advice[0].upper()}{self.advice[1:]}"
+
+    @property
+    def advice(self) -> str:
+        """The same, as it follows a colon."""
+        return f"{self.happened}. {ERROR_CLASSES[self.error].instead.format(**self.values)}"
+
+
+class _Open:
+    """An incident that may go on."""
+
+    __slots__ = ("consequence", "end", "error", "hand", "start", "station", "values", "worst")
+
+    def __init__(self, error: str, tick: int, hand: int | None, station: float | None) -> None:
+        self.error, self.hand, self.station = error, hand, station
+        self.start = self.end = tick
+        self.worst = -math.inf
+        self.values: Values = {}
+        self.consequence = 0
+
+
+class Incidents:
+    """The incidents of a run so far.
+
+    `number` has how many there are of each class. `limits` are parameters by class and key, without
+    a tissue only those that are not derived from one. `named` are classes that an exercise names.
+    """
+
+    def __init__(self, tissue: Conditions | None, named: Mapping[str, int]) -> None:
+        self.limits = {
+            each.key: {
+                parameter.key: parameter.of(tissue)
+                for parameter in each.parameters
+                if tissue is not None or not callable(parameter.value)
+            }
+            for each in ERROR_CLASSES.values()
+        }
+        self.watched = {
+            each.key for each in ERROR_CLASSES.values() if not each.if_named or each.key in named
+        }
+        self.number: dict[str, int] = {}
+        self.tick = 0
+        self._all: list[_Open] = []
+        self._open: dict[tuple[str, int | None], _Open] = {}
+        self._followed: list[_Open] = []
+
+    def note(
+        self,
+        error: str,
+        hand: int | None,
+        station: float | None,
+        severity: float = 0.0,
+        parted: int | None = None,
+        **values: float | str,
+    ) -> None:
+        """Note that a class's condition holds in this tick; the severest tick's values are kept.
+
+        `parted` strands are added up over the incident, as the value n.
+        """
+        if error not in self.watched:
+            return
+        found = self._open.get((error, hand))
+        if found is None or self.tick - found.end > CLOSED_TICKS:
+            found = self._open[error, hand] = _Open(error, self.tick, hand, station)
+            self._all.append(found)
+            self._followed.append(found)
+            self.number[error] = self.number.get(error, 0) + 1
+        elif self.tick - found.end > FOLLOWED_TICKS:
+            self._followed.append(found)
+        found.end = self.tick
+        total = found.values.get("n", 0.0)
+        if severity >= found.worst:
+            found.worst, found.station = severity, station
+            found.values.update(values)
+        if parted is not None and isinstance(total, float | int):
+            found.values["n"] = total + parted
+
+    def end_tick(self, consequence: Consequence) -> None:
+        """Put what happened in this tick down to the incidents of the last second."""
+        if not self._followed:
+            return
+        level = CONSEQUENCES.index(consequence)
+        self._followed = [each for each in self._followed if self.tick - each.end <= FOLLOWED_TICKS]
+        for each in self._followed:
+            each.consequence = max(each.consequence, level)
+
+    def all(self) -> list[Incident]:
+        """Return all incidents, in the order in which they began."""
+        return [self._incident(each) for each in self._all]
+
+    def cause(self) -> Incident | None:
+        """Return what a failure in this tick is put down to: an incident of the last second."""
+        rank = list(ERROR_CLASSES)
+        recent = [each for each in self._all if self.tick - each.end <= FOLLOWED_TICKS]
+        recent = [each for each in recent if each.error != "tear"]
+        if not recent:
+            return None
+        return self._incident(min(recent, key=lambda each: rank.index(each.error)))
+
+    def last_of(self, error: str) -> Incident:
+        """Return the last incident of a class of which there is one."""
+        return self._incident([each for each in self._all if each.error == error][-1])
+
+    def _incident(self, found: _Open) -> Incident:
+        return Incident(
+            error=found.error,
+            start_s=found.start * TICK_SECONDS,
+            end_s=found.end * TICK_SECONDS,
+            hand=found.hand,
+            tube=0,
+            station_mm=found.station,
+            consequence=CONSEQUENCES[found.consequence],
+            values=dict(found.values),
+        )

@@ -1,0 +1,85 @@
+"""Errors of pace: how fast a hold loads the wall, in a bed or without one."""
+
+import math
+from collections import deque
+
+from app.simulation.clock import REACTION_SECONDS, TICK_SECONDS
+from app.simulation.errors.incidents import Incidents
+
+__all__ = ["Pace", "PullErrorFinder"]
+
+PULL_TICKS, NEAR_TICKS = 4, 12
+"""Ticks over which the growth of the stress ratio is taken, and that near the break: over fewer a
+hand's tremor is most of it."""
+BEFORE = "strands parted before you could stop"
+
+
+class Pace:
+    """The stress ratio of the last ticks, and what is said of its growth."""
+
+    def __init__(self, incidents: Incidents) -> None:
+        self._incidents = incidents
+        self._shares = deque([0.0] * (NEAR_TICKS + 1), maxlen=NEAR_TICKS + 1)
+
+    @property
+    def share(self) -> float:
+        """The stress ratio now."""
+        return self._shares[-1]
+
+    @property
+    def too_fast(self) -> bool:
+        """Whether at this pace the wall would break within a reaction time."""
+        return self._left(PULL_TICKS) < REACTION_SECONDS
+
+    def take(self, share: float) -> None:
+        """Take the stress ratio of a tick."""
+        self._shares.append(share)
+
+    def judge(self, hand: int, at: float | None, speed: float, *, parted: bool) -> None:
+        """Judge a hold that moves, mm/s, at a station; whether strands part meanwhile."""
+        fast, near = (self._incidents.limits[key] for key in ("fast_pull", "near_break_fast"))
+        left = self._left(PULL_TICKS)
+        if self.share > fast["least"] and left < fast["seconds"]:
+            # Rounded down, so that it is seen to be below a reaction time.
+            words = f"the wall would have broken in {math.floor(1e3 * left) / 1e3:.3f} s"
+            self._incidents.note("fast_pull", hand, at, 1e3 - left, v=speed, left=words)
+        elif parted and speed > fast["speed"]:
+            self._incidents.note("fast_pull", hand, at, speed, v=speed, left=BEFORE)
+        elif self.share > near["least"]:
+            mean = sum(self._shares[-1 - k] for k in range(PULL_TICKS)) / PULL_TICKS
+            left = self._left(NEAR_TICKS)
+            if mean > near["least"] and left < near["seconds"]:
+                growth = (1.0 - self.share) / left if left > 0.0 else math.inf
+                self._incidents.note(
+                    "near_break_fast", hand, at, growth, p=100.0 * self.share, g=100.0 * growth
+                )
+
+    def _left(self, ticks: int) -> float:
+        """Return (1 - share) over the share's growth, s."""
+        share = self._shares[-1]
+        growth = share - self._shares[-1 - ticks]
+        return max(1.0 - share, 0.0) * ticks * TICK_SECONDS / growth if growth > 0.0 else math.inf
+
+
+class PullErrorFinder:
+    """Finds the incidents of one run of a free duct: errors of pace, and the tear."""
+
+    def __init__(self) -> None:
+        self.incidents = Incidents(None, {})
+        self._pace = Pace(self.incidents)
+        self._deflections = deque([0.0] * (PULL_TICKS + 1), maxlen=PULL_TICKS + 1)
+
+    def take(self, stress_ratio: float, deflection: float, *, held: bool) -> None:
+        """Take a tick (mm)."""
+        self.incidents.tick += 1
+        self._pace.take(stress_ratio)
+        self._deflections.append(deflection)
+        if held:
+            speed = (deflection - self._deflections[0]) / (PULL_TICKS * TICK_SECONDS)
+            self._pace.judge(0, None, speed, parted=False)
+        self.incidents.end_tick("near miss" if self._pace.too_fast else "none")
+
+    def tear(self, station: float) -> None:
+        """Note a tear at a station, mm, in the present tick."""
+        self.incidents.note("tear", None, station, x=station)
+        self.incidents.end_tick("injury")

@@ -1,0 +1,518 @@
+"""Scripted faults at a duct in its bed, and good hands that tremble: what the errors are held to.
+
+A fault is a way to do an exercise wrongly, at one of three speeds, with the classes of which at
+least one must be found. `python tests/app/faults.py [WORD ...]` does those with a word in their
+name and prints who passes and what is found; --beds and --seeds choose where.
+"""
+
+import argparse
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import islice
+
+import msgspec
+import numpy as np
+from simulated import phantom
+
+from app.simulation import (
+    JAW_RADIUS,
+    MANNERS,
+    TICK_SECONDS,
+    BedExercise,
+    BedManner,
+    Instrument,
+    Outcome,
+    SpatialTissue,
+    Specimen,
+    bed_named,
+    default_preset,
+    script,
+)
+from app.simulation.bed_trial import BedTrial
+from app.simulation.dissection_measures import DissectionMeasureTaker
+from app.simulation.errors import Incident
+from app.simulation.exercise_limits import bed_exercises
+
+Floats = np.ndarray
+Make = Callable[["Hands", BedExercise, float], Iterator[None]]
+MOST_TICKS = 30 * 30
+"""Ticks of a fault at most."""
+
+
+class Hands:
+    """A duct's hands, which tremble about where they are led: an AR(1) noise of about 8 Hz."""
+
+    def __init__(self, duct: SpatialTissue, tremor: float, seed: int) -> None:
+        self.duct, self.tremor = duct, tremor
+        self._noise, self._rng = np.zeros((2, 3)), np.random.default_rng(seed)
+
+    def choose_instrument(self, hand: int, instrument: Instrument) -> None:
+        self.duct.choose_instrument(hand, instrument)
+
+    def grab(self, hand: int, station: float) -> Floats | None:
+        return self.duct.grab(hand, station)
+
+    def release(self, hand: int) -> object:
+        return self.duct.release(hand)
+
+    def open_jaws(self, hand: int, opening: float) -> None:
+        self.duct.open_jaws(hand, opening)
+
+    def move_hand(self, hand: int, place: Floats) -> None:
+        spread = math.sqrt(1.0 - 0.2**2) * self.tremor
+        self._noise[hand] = 0.2 * self._noise[hand] + self._rng.normal(0.0, 1.0, 3) * spread
+        self.duct.move_hand(hand, np.asarray(place) + self._noise[hand])
+
+
+def steps(way: float, speed: float) -> Iterator[float]:
+    """How far a hand has come at each tick, mm."""
+    ticks = max(1, math.ceil(abs(way) / (speed * TICK_SECONDS)))
+    return (way * tick / ticks for tick in range(1, ticks + 1))
+
+
+def wait(seconds: float) -> Iterator[None]:
+    """Ticks of nothing."""
+    for _ in range(round(seconds / TICK_SECONDS)):
+        yield
+
+
+def go(hands: Hands, hand: int, to: Floats, speed: float) -> Iterator[None]:
+    """Lead a hand straight to a place."""
+    start = hands.duct.hands[hand].target.copy()
+    far = float(np.linalg.norm(to - start))
+    for way in steps(far, speed):
+        hands.move_hand(hand, start + (to - start) * (way / far if far else 1.0))
+        yield
+
+
+def behind(hands: Hands, station: float, speed: float = 20.0) -> Iterator[None]:
+    """Pass a closed dissector behind the duct with the second hand."""
+    hands.choose_instrument(1, "dissector")
+    start = hands.duct.hands[1].place.copy()
+    start[0] = station
+    yield from go(hands, 1, start, 60.0)
+    yield from wait(0.3)
+    yield from go(hands, 1, start * [1.0, -1.0, 1.0], speed)
+    yield from wait(0.3)
+
+
+def opened(hands: Hands, most: float, speed: float) -> Iterator[None]:
+    """Open the jaws at a speed, mm/s of their opening."""
+    for way in steps(most, speed):
+        hands.open_jaws(1, way)
+        yield
+
+
+def lift(hands: Hands, way: Floats, speed: float, hand: int = 0) -> Iterator[None]:
+    """Lead a hand by some mm."""
+    yield from go(hands, hand, hands.duct.hands[hand].target + way, speed)
+
+
+def middle(exercise: BedExercise) -> float:
+    return 0.5 * (exercise.from_mm + exercise.to_mm)
+
+
+def front(hands: Hands, exercise: BedExercise) -> float:
+    return exercise.to_mm - exercise.freed(hands.duct.freed_stretches())
+
+
+# Window
+
+
+def plough(fly: float = 0.0) -> Make:
+    """Plough lengthwise with jaws that stay open by `fly` mm."""
+
+    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+        yield from behind(hands, middle(exercise) - 10.0)
+        yield from opened(hands, fly, 10.0)
+        yield from lift(hands, np.array([22.0, 0.0, 0.0]), speed, 1)
+
+    return make
+
+
+def stir(height: float = 0.0) -> Make:
+    """Sweep the closed jaws to and fro."""
+
+    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+        yield from behind(hands, middle(exercise))
+        for _ in range(12):
+            yield from lift(hands, np.array([6.0, 0.0, height]), speed, 1)
+            yield from lift(hands, np.array([-12.0, 0.0, -height]), speed, 1)
+            yield from lift(hands, np.array([6.0, 0.0, 0.0]), speed, 1)
+
+    return make
+
+
+def stir_deep(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Sweep the closed jaws in and out while they go along."""
+    yield from behind(hands, middle(exercise) - 7.0)
+    for _ in range(7):
+        yield from lift(hands, np.array([2.0, -14.0, 0.0]), speed, 1)
+        yield from lift(hands, np.array([0.0, 14.0, 0.0]), speed, 1)
+
+
+def jump(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Throw the jaws open."""
+    yield from behind(hands, middle(exercise))
+    yield from opened(hands, 40.0, speed)
+    yield from wait(1.0)
+
+
+def jump_in_steps(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Open the jaws in jumps with rests between."""
+    yield from behind(hands, middle(exercise))
+    for _ in range(4):
+        start = hands.duct.hands[1].opening
+        for way in steps(8.0, speed):
+            hands.open_jaws(1, start + way)
+            yield
+        yield from wait(0.5)
+
+
+def open_and_drag(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Open the jaws slowly while they are dragged along faster."""
+    yield from behind(hands, middle(exercise) - 10.0)
+    start = hands.duct.hands[1].target.copy()
+    for way in steps(24.0, speed):
+        hands.move_hand(1, start + np.array([way, 0.0, 0.0]))
+        hands.open_jaws(1, 0.2 * way)
+        yield
+
+
+def stab(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Stab in behind the duct, then open as one should."""
+    yield from behind(hands, middle(exercise), speed)
+    yield from opened(hands, 40.0, 10.0)
+
+
+def stab_and_jump(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    yield from behind(hands, middle(exercise), speed)
+    yield from opened(hands, 40.0, speed)
+    yield from wait(1.0)
+
+
+def stab_aslant(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Stab in aslant and plough with it."""
+    hands.choose_instrument(1, "dissector")
+    start = hands.duct.hands[1].place.copy()
+    start[0] = middle(exercise) - 8.0
+    yield from go(hands, 1, start, 60.0)
+    yield from wait(0.3)
+    yield from go(hands, 1, start * [1.0, -1.0, 1.0] + [16.0, 0.0, 0.0], speed)
+    yield from wait(0.5)
+
+
+def press(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Come up against the duct from behind."""
+    yield from behind(hands, middle(exercise))
+    yield from lift(hands, np.array([0.0, -8.0, 4.0]), speed, 1)
+    yield from wait(1.0)
+
+
+def press_swab(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Press a swab on the duct."""
+    hands.choose_instrument(1, "swab")
+    z = hands.duct.hands[1].place[2]
+    yield from go(hands, 1, np.array([middle(exercise), 0.0, z]), 60.0)
+    yield from wait(0.3)
+    yield from lift(hands, np.array([0.0, 0.0, -z + hands.duct.radius]), speed, 1)
+    yield from wait(1.0)
+
+
+def pull_off(lean: float = 0.0) -> Make:
+    """Pull the duct off instead of passing behind it."""
+
+    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+        hands.grab(0, middle(exercise))
+        yield from lift(hands, 25.0 * np.array([0.0, math.sin(lean), math.cos(lean)]), speed)
+
+    return make
+
+
+def hold_up(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Hold the duct up before the jaws open, which they do not need."""
+    hands.grab(0, middle(exercise))
+    yield from lift(hands, np.array([0.0, 0.0, 5.0]), speed)
+    yield from behind(hands, middle(exercise))
+
+
+# Follow the front
+
+
+def hold_at(off: float) -> Make:
+    """Take hold off the front by some mm, above zero behind it."""
+
+    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+        for _ in range(12):
+            at = front(hands, exercise)
+            hands.grab(0, at + off)
+            for _ in lift(hands, np.array([0.0, 0.0, 9.0]), speed):
+                yield
+                if at - front(hands, exercise) >= 2.0:
+                    break
+            hands.release(0)
+            yield from wait(0.3)
+
+    return make
+
+
+def long_pull(lean: float = 0.0, back: float = 0.0) -> Make:
+    """Pull on in one go from the front, leaning sideways or back over what is free."""
+
+    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+        hands.grab(0, front(hands, exercise))
+        way = np.array([back, math.sin(lean), math.cos(lean)])
+        yield from lift(hands, 30.0 * way, speed)
+
+    return make
+
+
+def lean(angle: float) -> Make:
+    """Pull off straight up by an angle, holding again as one should."""
+
+    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+        manner = BedManner(speed=speed, lean=math.radians(angle))
+        yield from script(hands, hands.duct, exercise, manner)
+
+    return make
+
+
+def jerk(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Jerk at the front and go down again."""
+    for _ in range(8):
+        hands.grab(0, front(hands, exercise))
+        yield from lift(hands, np.array([0.0, 0.0, 9.0]), speed)
+        yield from lift(hands, np.array([0.0, 0.0, -9.0]), speed)
+        hands.release(0)
+        yield from wait(0.2)
+
+
+def nibble(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Take hold again and again while pulling a little."""
+    for _ in range(60):
+        hands.grab(0, front(hands, exercise))
+        yield from lift(hands, np.array([0.0, 0.0, 1.5]), speed)
+        hands.release(0)
+
+
+def two_hooks(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Hold at the front with one hand and ahead of it with the other."""
+    at = front(hands, exercise)
+    hands.grab(0, at)
+    hands.grab(1, at - 10.0)
+    start = [each.target.copy() for each in hands.duct.hands]
+    for way in steps(20.0, speed):
+        for hand in range(2):
+            hands.move_hand(hand, start[hand] + np.array([0.0, 0.0, way]))
+        yield
+
+
+# Free a scar
+
+
+def one_handed(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Open the jaws behind a duct that nothing holds."""
+    yield from behind(hands, exercise.from_mm - 2.0 * JAW_RADIUS - 1.5)
+    yield from opened(hands, 40.0, speed)
+    yield from wait(1.0)
+
+
+def too_high(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Hold the duct up higher than the jaws need."""
+    hands.grab(0, middle(exercise))
+    yield from lift(hands, np.array([0.0, 0.0, 8.0]), speed)
+    yield from wait(0.5)
+
+
+def held_and(act: Make, height: float = 3.0) -> Make:
+    """Hold the duct up as one should, and then do something."""
+
+    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+        hands.grab(0, middle(exercise))
+        yield from lift(hands, np.array([0.0, 0.0, height]), 5.0)
+        yield from act(hands, exercise, speed)
+
+    return make
+
+
+def beside_and_open(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    yield from behind(hands, exercise.from_mm - 2.0 * JAW_RADIUS - 1.5)
+    yield from opened(hands, 40.0, speed)
+    yield from wait(1.0)
+
+
+def drop(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Let the duct down while the jaws open."""
+    yield from behind(hands, exercise.from_mm - 2.0 * JAW_RADIUS - 1.5)
+    start = hands.duct.hands[0].target.copy()
+    for way in steps(40.0, 10.0):
+        hands.open_jaws(1, way)
+        hands.move_hand(0, start - np.array([0.0, 0.0, min(way * speed / 10.0, 4.5)]))
+        yield
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A way to do an exercise wrongly."""
+
+    exercise: str
+    name: str
+    make: Make
+    speeds: tuple[float, float, float]
+    named: frozenset[str]  # of which at least one is found
+
+
+def fault(exercise: str, name: str, make: Make, speeds: tuple[float, ...], *named: str) -> Fault:
+    low, mid, high = speeds
+    return Fault(exercise, name, make, (low, mid, high), frozenset(named))
+
+
+PULLED = ("one_go", "over_lifted", "unseen")
+PLOUGHED = ("ploughing", "fast_in_tissue")
+FAULTS = (
+    fault("window", "plough", plough(), (5.0, 10.0, 20.0), *PLOUGHED),
+    fault("window", "plough with open jaws", plough(6.0), (4.0, 8.0, 15.0), *PLOUGHED),
+    fault("window", "open and drag", open_and_drag, (6.0, 10.0, 20.0), *PLOUGHED),
+    fault("window", "stir", stir(), (8.0, 15.0, 30.0), "stirring", *PLOUGHED),
+    fault("window", "stir up and down", stir(1.0), (8.0, 15.0, 30.0), "stirring", *PLOUGHED),
+    fault("window", "stir deep", stir_deep, (10.0, 20.0, 30.0), "stirring", *PLOUGHED),
+    fault("window", "jump", jump, (30.0, 60.0, 1200.0), "jumping_jaws"),
+    fault("window", "jump in steps", jump_in_steps, (30.0, 60.0, 240.0), "jumping_jaws"),
+    fault("window", "stab", stab, (45.0, 60.0, 95.0), "blind_stab"),
+    fault("window", "stab and jump", stab_and_jump, (45.0, 60.0, 95.0), "blind_stab"),
+    fault("window", "stab aslant", stab_aslant, (45.0, 60.0, 95.0), "blind_stab"),
+    fault("window", "press", press, (4.0, 8.0, 16.0), "instrument_on_wall"),
+    fault("window", "press with a swab", press_swab, (4.0, 8.0, 16.0), "instrument_on_wall"),
+    fault("window", "plough fast", plough(), (30.0, 45.0, 60.0), "fast_in_tissue"),
+    fault("window", "pull off", pull_off(), (5.0, 20.0, 40.0), "over_lifted", "fast_pull"),
+    fault("window", "pull off aslant", pull_off(0.7), (5.0, 10.0, 20.0), "leaning", "over_lifted"),
+    fault("window", "hold up", hold_up, (4.0, 8.0, 12.0), "over_lifted"),
+    fault("follow_front", "10 mm ahead", hold_at(-10.0), (5.0, 8.0, 20.0), "ahead_of_front"),
+    fault("follow_front", "5 mm ahead", hold_at(-5.0), (5.0, 8.0, 20.0), "ahead_of_front"),
+    fault("follow_front", "20 mm ahead", hold_at(-20.0), (5.0, 8.0, 20.0), "ahead_of_front"),
+    fault("follow_front", "5 mm behind", hold_at(5.0), (4.0, 6.0, 8.0), "behind_front"),
+    fault("follow_front", "long pull", long_pull(), (4.0, 6.0, 8.0), "one_go"),
+    fault("follow_front", "long pull back", long_pull(back=0.5), (4.0, 6.0, 8.0), *PULLED),
+    fault("follow_front", "long pull aside", long_pull(0.8), (4.0, 6.0, 8.0), "leaning"),
+    fault("follow_front", "lean 45", lean(45.0), (4.0, 6.0, 8.0), "leaning"),
+    fault("follow_front", "lean 60", lean(60.0), (4.0, 6.0, 8.0), "leaning"),
+    fault("follow_front", "lean back 45", lean(-45.0), (4.0, 6.0, 8.0), "leaning"),
+    fault("follow_front", "hasty", lean(0.0), (30.0, 40.0, 60.0), "fast_pull"),
+    fault("follow_front", "jerk", jerk, (30.0, 40.0, 60.0), "fast_pull"),
+    fault("follow_front", "nibble", nibble, (10.0, 15.0, 20.0), "repeated_holds"),
+    fault("follow_front", "two hooks", two_hooks, (4.0, 6.0, 10.0), "ahead_of_front"),
+    fault("free_scar", "one-handed", one_handed, (8.0, 14.0, 18.0), "no_traction"),
+    fault("free_scar", "one-handed jump", one_handed, (40.0, 60.0, 240.0), "no_traction"),
+    fault("free_scar", "too high", too_high, (4.0, 6.0, 8.0), "over_lifted", "unseen"),
+    fault("free_scar", "jump", held_and(beside_and_open), (30.0, 60.0, 1200.0), "jumping_jaws"),
+    fault("free_scar", "drop", held_and(drop), (4.0, 8.0, 16.0), "traction_lost"),
+    fault("free_scar", "hasty lift", too_high, (30.0, 45.0, 60.0), "fast_pull"),
+    fault("free_scar", "stab", held_and(stab), (45.0, 60.0, 95.0), "blind_stab"),
+)
+
+
+@cache
+def exercises(bed: str) -> dict[str, BedExercise]:
+    """The exercises of a bed, by name."""
+    specimen = Specimen(default_preset(phantom()), phantom(), bed_named(bed))
+    return {each.name: each for each in bed_exercises(specimen)}
+
+
+@cache
+def duct(bed: str, seed: int) -> SpatialTissue:
+    return SpatialTissue(
+        Specimen(default_preset(phantom()), phantom(), bed_named(bed), bed_seed=seed)
+    )
+
+
+def done(
+    exercise: BedExercise, seed: int, make: Make, speed: float, tremor: float = 0.0
+) -> tuple[Outcome, list[Incident]]:
+    """Do an exercise in a bed of a seed."""
+    assert isinstance(exercise.bed, str)
+    specimen = duct(exercise.bed, seed)
+    wanted = msgspec.structs.replace(exercise, bed_seed=seed)
+    taker = DissectionMeasureTaker(specimen, wanted)
+    trial = BedTrial(wanted, taker)
+    specimen.prepare(wanted)
+    taker.start()
+    acts = make(Hands(specimen, tremor, seed), wanted, speed)
+    for _ in islice(acts, MOST_TICKS):
+        taker.take(moved=specimen.advance())
+        trial.take()
+        if trial.outcome is not None:
+            break
+    end = trial.outcome or Outcome(False, f"The hands were done with {trial.standing}.")
+    return end, taker.incidents()
+
+
+def good(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    """Do an exercise well, at a speed relative to the good hand's; jaws once more on both sides."""
+    manner = MANNERS[exercise.name]["good"]
+    manner = replace(manner, speed=speed * manner.speed)
+    yield from script(hands, hands.duct, exercise, manner)
+    if exercise.name == "follow_front":
+        return
+    for beside in (-10.0, 10.0):
+        for way in steps(40.0, 20.0):
+            hands.open_jaws(1, 40.0 - way)
+            yield
+        start = hands.duct.hands[1].target.copy()
+        yield from go(hands, 1, start * [1.0, -1.0, 1.0], 20.0)
+        out, aside = start * [1.0, -1.0, 1.0], np.array([beside, 0.0, 0.0])
+        yield from go(hands, 1, out + aside, 20.0)
+        yield from go(hands, 1, start + aside, 20.0)
+        yield from wait(0.3)
+        yield from opened(hands, 40.0, 2.0 * manner.speed)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("words", nargs="*")
+    parser.add_argument("--beds", nargs="*", default=["normal"])
+    parser.add_argument("--seeds", nargs=2, type=int, default=[1, 2])
+    parser.add_argument("--tremor", type=float, nargs="*", default=[0.0])
+    parser.add_argument("--good", action="store_true")
+    wanted = parser.parse_args()
+    seeds = range(wanted.seeds[0], wanted.seeds[1] + 1)
+    for tremor in wanted.tremor:
+        right = total = 0
+        for bed in wanted.beds:
+            for exercise in exercises(bed).values():
+                if wanted.good:
+                    ends = [done(exercise, seed, good, 1.0, tremor) for seed in seeds]
+                    found = Counter(each.error for _, all_ in ends for each in all_)
+                    passed = sum(end.passed for end, _ in ends)
+                    why = Counter(end.reason for end, _ in ends if not end.passed)
+                    print(
+                        f"good {bed:9} {exercise.name:13} tremor {tremor:4}: "
+                        f"{passed}/{len(ends)} pass, {found.total() / len(ends):.2f} a run",
+                        dict(found), *why, flush=True,
+                    )  # fmt: skip
+                    continue
+                for each in FAULTS:
+                    if each.exercise != exercise.name or not all(
+                        word in each.name for word in wanted.words
+                    ):
+                        continue
+                    for speed in each.speeds:
+                        for seed in seeds:
+                            end, all_ = done(exercise, seed, each.make, speed, tremor)
+                            errors = Counter(i.error for i in all_)
+                            hit = bool(each.named & set(errors))
+                            passed = end.passed
+                            right, total = right + hit, total + 1
+                            mark = ("" if hit else "NOT NAMED ") + ("PASSED" if passed else "")
+                            print(
+                                f"{bed:8} {seed:2} {each.exercise:12} {each.name:22} {speed:6g} "
+                                f"{mark:16}", dict(errors), end.reason, flush=True,
+                            )  # fmt: skip
+        if not wanted.good:
+            print(f"tremor {tremor}: named {right} of {total}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,138 @@
+"""Errors: scripted faults are named and fail, good hands make none and pass."""
+
+import itertools
+import json
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from errors_page import page
+from faults import FAULTS, Fault, done, exercises, good
+from program import run
+
+from app.simulation import ERROR_CLASSES, MODES
+from app.simulation.errors import CLOSED_AFTER, Conditions, Incidents
+
+BEDS = ("normal", "loose", "firm", "inflamed")
+TISSUE = Conditions(1.5, 4.0, 4.445, 0.5, 36)
+
+
+@pytest.mark.parametrize(
+    ("each", "bed"),
+    [(each, bed) for each, bed in zip(FAULTS, itertools.cycle(BEDS), strict=False)],
+    ids=lambda each: each if isinstance(each, str) else f"{each.exercise} {each.name}",
+)
+def test_a_fault_is_named_at_any_speed_and_fails(each: Fault, bed: str) -> None:
+    exercise = exercises(bed)[each.exercise]
+    for speed, seed in zip(each.speeds, (21, 22, 23), strict=True):
+        outcome, incidents = done(exercise, seed, each.make, speed, tremor=0.15)
+        assert each.named & {incident.error for incident in incidents}, (speed, outcome)
+        assert not outcome.passed, (speed, outcome)
+
+
+@pytest.mark.parametrize("bed", BEDS)
+def test_good_hands_make_no_errors_and_few_where_they_tremble(bed: str) -> None:
+    seeds = range(21, 25)
+    for exercise in exercises(bed).values():
+        for seed in seeds:
+            outcome, incidents = done(exercise, seed, good, 1.0)
+            assert outcome.passed, (exercise.name, seed, outcome)
+            assert len(incidents) <= 1
+        ends = [done(exercise, seed, good, 1.0, tremor=0.15) for seed in seeds]
+        assert all(outcome.passed for outcome, _ in ends), (exercise.name, ends)
+        assert sum(len(incidents) for _, incidents in ends) <= 1
+
+
+def test_sentences_say_what_where_and_what_instead() -> None:
+    sentences: dict[str, str] = {}
+    for each in FAULTS:
+        _, incidents = done(exercises("normal")[each.exercise], 24, each.make, each.speeds[1])
+        for incident in incidents:
+            sentences[incident.error] = incident.sentence
+            assert 0.0 < incident.start_s <= incident.end_s
+            assert incident.tube == 0
+    for error, sentence in sentences.items():
+        assert re.match(r"(At|From) \d+\.\d s ", sentence), sentence
+        assert sentence.endswith(".")
+        assert sentence.count(". ") == 1, sentence
+        assert "{" not in sentence
+        assert sentence == sentence.strip()
+        assert error in ERROR_CLASSES
+    assert len(sentences) >= 15, sorted(sentences)
+
+
+def test_an_incident_is_one_opening_and_one_closing() -> None:
+    incidents = Incidents(TISSUE, {})
+    for tick in range(1, 100):
+        incidents.tick = tick
+        if tick in (10, 11, 20, 40):  # 20 is within the time after which it is closed, 40 is not
+            incidents.note("leaning", 0, 12.0, severity=-tick, a=float(tick))
+        incidents.end_tick("near miss" if tick == 55 else "none")
+    first, second = incidents.all()
+    assert (first.start_s, first.end_s) == pytest.approx((10 / 30, 20 / 30))
+    assert first.values == {"a": 10.0}, "those of its worst tick"
+    assert second.start_s - first.end_s > CLOSED_AFTER
+    assert (first.consequence, second.consequence) == ("none", "near miss")
+    assert incidents.number == Counter(leaning=2)
+    assert incidents.cause() is None, "none in the last second"
+
+
+def test_the_cause_is_the_first_of_the_table_in_the_last_second() -> None:
+    incidents = Incidents(TISSUE, {})
+    incidents.tick = 60
+    incidents.note("tear", None, 3.0, x=3.0)
+    assert incidents.cause() is None, "a tear is not its own cause"
+    incidents.note("over_lifted", 0, 12.0, p=60.0, m=4.0, most=50.0)
+    incidents.note("ahead_of_front", 0, 12.0, x=12.0, d=9.0, front=21.0)
+    cause = incidents.cause()
+    assert cause is not None
+    assert cause.error == "ahead_of_front"
+    assert cause.sentence.startswith("At 2.0 s you took hold at 12 mm, 9 mm ahead of where")
+    assert cause.sentence.endswith("Take hold at the front, at 21 mm.")
+    incidents.tick = 91
+    assert incidents.cause() is None
+
+
+def test_a_class_that_only_an_exercise_makes_an_error_is_named_by_it() -> None:
+    for named, number in (({}, {}), ({"no_traction": 2}, {"no_traction": 1})):
+        incidents = Incidents(TISSUE, named)
+        incidents.note("no_traction", 0, 1.0)
+        assert incidents.number == number
+
+
+def test_parameters_follow_from_tissue_duct_and_reaction_time() -> None:
+    limits = Incidents(TISSUE, {}).limits
+    assert limits["fast_in_tissue"]["speed"] == pytest.approx((4.0 - 1.5) / 0.25)
+    assert limits["jumping_jaws"]["speed"] == pytest.approx(20.0)
+    assert limits["blind_stab"]["speed"] == pytest.approx(2 * 4.445 / 0.25)
+    assert limits["over_lifted"]["most"] == 0.5
+    assert limits["unseen"]["strands"] == 5
+    for each in ERROR_CLASSES.values():
+        assert each.mode in MODES
+        assert all(parameter.why for parameter in each.parameters)
+        for parameter in each.parameters:
+            assert f"`{parameter.key}`" in each.begins, (each.key, parameter.key)
+
+
+def test_the_page_of_errors_is_made_from_their_table() -> None:
+    root = Path(__file__).parents[2]
+    assert (root / "docs" / "errors.md").read_text("utf-8") == page(), (
+        "make it anew: python tests/app/errors_page.py docs/errors.md"
+    )
+
+
+def test_a_run_recorded_before_there_were_errors_has_them_when_it_is_replayed() -> None:
+    path = Path(__file__).parent / "runs" / "version_3_torn.json"
+    plain = json.loads(run("replay", path, "--json").stdout)
+    tear = plain["incidents"][-1]
+    assert plain["as_recorded"]
+    assert tear["error"] == "tear"
+    assert tear["consequence"] == "injury"
+    assert tear["start_s"] == pytest.approx(plain["metrics"]["tear"]["time_s"])
+    assert tear["station_mm"] == pytest.approx(plain["metrics"]["tear"]["station_mm"])
+    assert tear["sentence"].startswith(f"At {tear['start_s']:.1f} s the duct tore at ")
+    lines = run("replay", path).stdout
+    for each in plain["incidents"]:
+        assert each["sentence"] in " ".join(lines.split())
+        assert each["title"] == ERROR_CLASSES[each["error"]].title
