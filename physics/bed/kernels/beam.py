@@ -183,7 +183,7 @@ def strain_fibres(
         k2, k3 = f * dot(t2, c) - strain[e, 4], f * dot(t3, c) - strain[e, 5]
         strained[e, 0], strained[e, 1], strained[e, 2], strained[e, 3] = lam, square, k2, k3
         place_fibres(fibres, FIBRES * e, wall, e, lam, square, k2, k3)
-    fill_all(fibres, wall, 0)
+    fill_all(fibres, wall, int(0))
 
 
 @inner
