@@ -53,6 +53,7 @@ screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium
 	@$(BIN)/python tests/app/screenshots.py docs/images
 	@$(BIN)/python tests/app/film.py docs/images/dissection.webp
 	@$(BIN)/python examples/gallery.py docs/gallery.md docs/images/gallery
+	@$(BIN)/python examples/diagrams.py docs/images
 
 soak: $(VENV)/.soak  ## attack and load a trainer, kill writers, mutate files; write docs/reliability.md (2 hours)
 	@PYTHONPATH=. $(BIN)/python tests/app/soak.py $(ARGS)

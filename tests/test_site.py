@@ -57,8 +57,17 @@ def test_python_s_faces_are_described(site: Path) -> None:
 
 
 def test_every_example_is_shown() -> None:
-    scripts = {path.name for path in (ROOT / "examples").glob("*.py")} - {"gallery.py"}
+    scripts = {path.name for path in (ROOT / "examples").glob("*.py")} - {"diagrams.py", "gallery.py"}
     assert set(EXAMPLES) == scripts
+
+
+def test_the_diagrams_are_of_this_code(tmp_path: Path) -> None:
+    """Where an import is new: python examples/diagrams.py docs/images."""
+    subprocess.run([sys.executable, "examples/diagrams.py", tmp_path], cwd=ROOT, check=True)
+    made = list(tmp_path.iterdir())
+    assert len(made) == 3
+    for path in made:
+        assert path.read_text() == (ROOT / "docs" / "images" / path.name).read_text(), path.name
 
 
 @pytest.mark.parametrize("name", sorted(set(EXAMPLES)))
