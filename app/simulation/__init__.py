@@ -24,7 +24,7 @@ from app.simulation.exercise import (
 )
 from app.simulation.exercise_limits import rehearsed
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
-from app.simulation.grasper import Grasper, Load
+from app.simulation.grasper import HAND_SPEED, Grasper, Load
 from app.simulation.hand import Hand
 from app.simulation.inputs import HOLDING, INSTRUMENTS, Input, Instrument, TheoryChoice
 from app.simulation.metrics import DISTANCE_TO_BREAK, METRICS, Metric, Metrics, metrics_of
@@ -84,6 +84,7 @@ __all__ = [
     "FEW",
     "FRONT_SECONDS",
     "HANDS",
+    "HAND_SPEED",
     "HOLDING",
     "INSTRUMENTS",
     "JAW_RADIUS",

@@ -1,0 +1,183 @@
+"""One dissection under a policy: actions in, observations and rewards out, over a session."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from app.rl.task import VERTICES, Task
+from app.simulation import (
+    HOLDING,
+    INSTRUMENTS,
+    TICK_SECONDS,
+    Session,
+    SpatialTissue,
+)
+from physics import NoEquilibrium
+
+__all__ = ["Episode", "Observation"]
+
+REACH_MM = 4.0
+"""How far from the duct's axis a tip may be that takes hold: about the duct's radius."""
+
+Floats = NDArray[np.float64]
+Observation = dict[str, NDArray[np.float32]]
+
+
+class Episode:
+    """A session that a policy works on.
+
+    `bounds` are those of its observations, `bed_seed` is its bed's, `terms` are the weighted terms
+    of the last step's reward, `terminated` and `truncated` as Gymnasium means them.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.session = Session(task.specimen, vertices=VERTICES)
+        self.reset(task.goal.bed_seed)
+        self.bounds = task.bounds(self._tissue.beam.stations.size)
+
+    @property
+    def _tissue(self) -> SpatialTissue:
+        return self.session.spatial
+
+    def reset(self, bed_seed: int) -> None:
+        """Start anew in the bed of a seed."""
+        self.bed_seed = bed_seed
+        session, task = self.session, self.task
+        session.start_exercise(task.seeded(bed_seed))
+        # The choice of an instrument starts the run, so that its clock is the episode's.
+        for hand, instrument in enumerate(task.first_instruments):
+            session.choose_instrument(hand, instrument)
+        self._ticks, self._peak = 0, 0.0
+        self.terminated = self.truncated = self.lost = False
+        self._totals = self._counted()
+        self.terms = dict.fromkeys(task.weights, 0.0)
+
+    @property
+    def space(self) -> spaces.Dict:
+        """The space of its observations."""
+        return spaces.Dict(
+            {key: spaces.Box(*each, dtype=np.float32) for key, each in self.bounds.items()}
+        )
+
+    def room(self, *count: int) -> Observation:
+        """Return arrays for one observation, or for so many."""
+        return {
+            key: np.zeros((*count, *low.shape), np.float32) for key, (low, _) in self.bounds.items()
+        }
+
+    def act(self, action: Floats) -> float:
+        """Do one step with an action of finite numbers from -1 to 1; return the reward."""
+        task, session = self.task, self.session
+        rows = action.reshape(task.hands, task.actions)
+        speed = task.speed * TICK_SECONDS
+        for hand, row in enumerate(rows.tolist()):
+            self._grip(hand, *row[4:])
+        ways: list[list[float]] = (rows[:, :4] * speed).tolist()
+        for _ in range(task.ticks_per_step):
+            for hand, (x, y, z, opened) in enumerate(ways):
+                holder = self._tissue.hands[hand]
+                a, b, c = holder.target.tolist()
+                session.move_hand(hand, (a + x, b + y, c + z))
+                session.open_jaws(hand, holder.target_opening + opened)
+            try:
+                session.advance()
+            except NoEquilibrium:  # the duct is lost: nothing is known of it any more
+                self.lost = True
+                break
+            self._ticks += 1
+            self._peak = max(self._peak, self._tissue.stress_ratio)
+            if session.run.over or self._ticks >= task.limit_ticks:
+                break
+        return self._judge()
+
+    def _grip(self, hand: int, grip: float, instrument: float | None = None) -> None:
+        """Choose an instrument, where that is free, and take hold or let go."""
+        session, holder = self.session, self._tissue.hands[hand]
+        if instrument is not None:
+            quarter = min(int(0.5 * (instrument + 1.0) * len(INSTRUMENTS)), len(INSTRUMENTS) - 1)
+            if INSTRUMENTS[quarter] != holder.instrument:
+                session.choose_instrument(hand, INSTRUMENTS[quarter])
+        held = holder.node is not None
+        if held and grip <= 0.0:
+            session.release(hand)
+        elif not held and grip > 0.0 and holder.instrument in HOLDING:
+            away = self._tissue.beam.places - holder.place
+            squares = (away**2).sum(axis=1)
+            nearest = int(squares.argmin())
+            if squares[nearest] <= REACH_MM**2:
+                beam, span = self._tissue.beam, self.task.specimen.beam.span
+                session.grab(hand, float(beam.stations[nearest]) * span / beam.beam.span)
+
+    def _judge(self) -> float:
+        """Set whether the episode is over, and the terms of the step's reward; return their sum."""
+        passed, over = self._passed, self.session.run.over or self.lost
+        # The end of its time fails an exercise; of an episode it says nothing.
+        late = self._ticks >= self.task.limit_ticks and not (passed or self._torn or self.lost)
+        self.truncated, self.terminated = late, over and not late
+        before, self._totals = self._totals, self._counted()
+        self.terms = {
+            name: weight * (self._totals[name] - before[name])
+            for name, weight in self.task.weights.items()
+        }
+        return sum(self.terms.values())
+
+    def _counted(self) -> dict[str, float]:
+        """Return what the reward's terms are the growth of."""
+        task, run = self.task, self.session.run
+        self._parted = self._tissue.freed_at(task.bins)
+        goal = task.goal
+        within = self._parted[(task.bins >= goal.from_mm) & (task.bins <= goal.to_mm)]
+        asked = goal.free_mm / (goal.to_mm - goal.from_mm)
+        return {
+            "progress": run.progress,
+            "parted": min(float(within.mean()) / asked, 1.0),
+            "time": self._ticks * TICK_SECONDS,
+            "errors": len(run.incidents()),
+            "stress": self._peak,
+            "passed": self._passed,
+            "failed": self.terminated and not self._passed,
+        }
+
+    @property
+    def _passed(self) -> bool:
+        outcome = self.session.run.outcome
+        return outcome is not None and outcome.passed
+
+    @property
+    def _torn(self) -> bool:
+        return self._tissue.torn is not None
+
+    def info(self) -> dict[str, Any]:
+        """Return what is known beside the observation."""
+        return {
+            "bed_seed": self.bed_seed,
+            "seconds": self._totals["time"],
+            "progress": self._totals["progress"],
+            "errors": int(self._totals["errors"]),
+            "peak_stress_ratio": self._peak,
+            "passed": self._passed,
+            "torn": self._torn,
+            "reward_terms": dict(self.terms),
+        }
+
+    def observe(self, out: Observation) -> None:
+        """Write what is observed to arrays of the observation space."""
+        tissue, task, goal = self._tissue, self.task, self.task.goal
+        hands = out["hands"]
+        hands[:] = 0.0
+        for row, holder, force in zip(hands, tissue.hands, tissue.forces, strict=False):
+            row[:3], row[3:6] = holder.place, force
+            row[6], row[7] = holder.node is not None, holder.opening
+            row[8 + INSTRUMENTS.index(holder.instrument)] = 1.0
+        out["duct"][:] = tissue.beam.places - tissue.beam.rest_places
+        out["strands"][:] = 1.0 - self._parted
+        out["wall"][:] = tissue.stress_ratio, tissue.station, self._peak
+        left = (task.limit_ticks - self._ticks) * TICK_SECONDS
+        out["goal"][:] = goal.from_mm, goal.to_mm, goal.free_mm, self._totals["progress"], left
+        for key, (low, high) in self.bounds.items():
+            if self.lost:
+                np.nan_to_num(out[key], copy=False)
+            np.clip(out[key], low, high, out=out[key])

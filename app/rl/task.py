@@ -1,0 +1,284 @@
+"""What a policy is to do, and the numbers that it sees, sends and is rewarded by (docs/rl.md)."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from app.simulation import (
+    HAND_SPEED,
+    HANDS,
+    HOLDING,
+    INSTRUMENTS,
+    MOST_OPENING,
+    TICKS_PER_SECOND,
+    BedExercise,
+    Instrument,
+    Session,
+    Specimen,
+    bed_named,
+    preset_named,
+    specimen_in_bed,
+)
+from assets import BILE_DUCT
+from organ_geometry import read_organ
+
+__all__ = ["ACTIONS", "HAND", "OBSERVATIONS", "REWARDS", "SEEDS", "Number", "Task"]
+
+Floats32 = NDArray[np.float32]
+
+SEEDS = tuple(range(1, 21))
+"""Seeds of beds to learn on; those from 21 on are kept to judge by."""
+VERTICES = 50  # of the skin, which no policy sees
+MOST_TICKS_PER_STEP = 30
+FAR_MM, MOST_FORCE_N, MOST_RATIO, MOST_SECONDS = 60.0, 20.0, 4.0, 3600.0
+"""Bounds of what is observed; what lies beyond is clipped to them."""
+
+
+class Number(NamedTuple):
+    """One number, or one row of them: its range, unit and meaning; `span` is added to the range."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    meaning: str
+    with_span: bool = False
+
+
+HAND = (
+    Number("x", "mm", -FAR_MM, FAR_MM, "the tip, along the duct from the first clamp", True),
+    Number("y", "mm", -FAR_MM, FAR_MM, "the tip, to the side; the viewer is at negative ones"),
+    Number("z", "mm", -FAR_MM, FAR_MM, "the tip, away from the bed"),
+    Number("force x", "N", -MOST_FORCE_N, MOST_FORCE_N, "the hand's force on duct and strands"),
+    Number("force y", "N", -MOST_FORCE_N, MOST_FORCE_N, "the same, to the side"),
+    Number("force z", "N", -MOST_FORCE_N, MOST_FORCE_N, "the same, away from the bed"),
+    Number("holds", "", 0.0, 1.0, "1 while the hand holds the duct"),
+    Number("opening", "mm", 0.0, MOST_OPENING, "between the jaws of a dissector"),
+    *(Number(each, "", 0.0, 1.0, f"1 if the instrument is a {each}") for each in INSTRUMENTS),
+)
+"""What is observed of a hand."""
+OBSERVATIONS: dict[str, tuple[Number, ...]] = {
+    "hands": HAND,
+    "duct": tuple(
+        Number(each, "mm", -FAR_MM, FAR_MM, f"how far a node of the axis has moved, {where}")
+        for each, where in (("x", "along"), ("y", "to the side"), ("z", "away from the bed"))
+    ),
+    "strands": (Number("whole", "", 0.0, 1.0, "share of the strands that hold, at each mm"),),
+    "wall": (
+        Number("stress ratio", "", 0.0, MOST_RATIO, "largest stress over its threshold; 1 tears"),
+        Number("station", "mm", 0.0, 0.0, "where it is, from the first clamp", True),
+        Number("peak", "", 0.0, MOST_RATIO, "largest ratio of the episode"),
+    ),
+    "goal": (
+        Number("from", "mm", 0.0, 0.0, "where the stretch begins that is to be freed", True),
+        Number("to", "mm", 0.0, 0.0, "where it ends", True),
+        Number("free", "mm", 0.0, 0.0, "length within it that is to be free", True),
+        Number("progress", "", 0.0, 1.0, "the exercise's own, 1 when it is done"),
+        Number("time left", "s", 0.0, MOST_SECONDS, "until the episode is truncated"),
+    ),
+}
+"""What is observed: of each hand, node and mm one row."""
+ACTIONS = (
+    Number("x", "of the speed", -1.0, 1.0, "velocity of the hand along the duct"),
+    Number("y", "of the speed", -1.0, 1.0, "velocity to the side"),
+    Number("z", "of the speed", -1.0, 1.0, "velocity away from the bed"),
+    Number("jaws", "of the speed", -1.0, 1.0, "rate at which a dissector opens"),
+    Number("grip", "", -1.0, 1.0, "above 0: hold the duct, if the tip is within 4 mm of its axis"),
+    Number("instrument", "", -1.0, 1.0, f"a quarter each: {', '.join(INSTRUMENTS)}"),
+)
+"""What a policy sends for each hand; the last only where instruments are free to choose."""
+REWARDS: dict[str, tuple[float, str]] = {
+    "progress": (0.5, "growth of the exercise's progress, 0 to 1"),
+    "parted": (0.5, "growth of the share of strands parted within the goal, 1 at what it asks for"),
+    "time": (-0.02, "s that have passed"),
+    "errors": (-0.1, "incidents that began, of every class (docs/errors.md)"),
+    "stress": (-0.1, "growth of the peak stress ratio"),
+    "passed": (1.0, "1 when the exercise is passed"),
+    "failed": (-1.0, "1 when it is failed or the duct torn"),
+}
+"""Weights of the reward's terms and what each counts."""
+
+
+@lru_cache(maxsize=8)
+def _exercises(specimen: Specimen) -> dict[str, BedExercise]:
+    """Return the exercises of a specimen by name: a second's work."""
+    offered = Session(specimen, vertices=VERTICES).exercises_offered()
+    return {each.name: each for each in offered if isinstance(each, BedExercise)}
+
+
+@lru_cache(maxsize=32)
+def _specimen(bed: str, organ: Path | None, preset: str | None) -> Specimen:
+    return specimen_in_bed(
+        read_organ(organ or BILE_DUCT),
+        None if preset is None else preset_named(preset),
+        bed_named(bed),
+    )
+
+
+def _lists(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """The arguments of an environment.
+
+    Parameters
+    ----------
+    exercise
+        Name of an exercise in a bed: "window", "follow_front" or "free_scar"; or one of your own.
+    bed
+        Name of a bed; the scar's exercise brings its own.
+    organ, preset
+        An organ file and the name of a preset; the shipped duct with the thesis's when None.
+    hands
+        How many hands act, 1 or 2.
+    instruments
+        One of each hand; "free" to let the policy choose; when None, the last hand has a dissector
+        if the exercise allows one, and the other a hook.
+    ticks_per_step
+        Ticks of 1/30 s in a step, 1 to 30.
+    speed
+        mm/s of a hand and of jaws at an action of 1, at most 60.
+    seeds
+        Seeds of beds that `reset` draws from.
+    time_limit
+        s after which an episode is truncated; the exercise's own when None.
+    reward
+        Weights of the reward's terms that differ from the usual.
+    """
+
+    exercise: str | BedExercise = "window"
+    bed: str = "normal"
+    organ: str | Path | None = None
+    preset: str | None = None
+    hands: int = 2
+    instruments: Sequence[Instrument] | str | None = None
+    ticks_per_step: int = 3
+    speed: float = 20.0
+    seeds: Sequence[int] = SEEDS
+    time_limit: float | None = None
+    reward: Mapping[str, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.hands <= HANDS:
+            raise ValueError(f"hands must be 1 to {HANDS}, got {self.hands}")
+        if not 1 <= self.ticks_per_step <= MOST_TICKS_PER_STEP:
+            raise ValueError(
+                f"ticks_per_step must be 1 to {MOST_TICKS_PER_STEP}, got {self.ticks_per_step}"
+            )
+        if not 0.0 < self.speed <= HAND_SPEED:
+            raise ValueError(
+                f"speed must be above 0 and at most {HAND_SPEED:g} mm/s, got {self.speed}"
+            )
+        if not self.seeds or not all(0 <= int(each) < 2**63 for each in self.seeds):
+            raise ValueError(f"seeds must be one or more from 0 to below 2^63, got {self.seeds}")
+        limit = self.time_limit
+        if limit is not None and not 0.0 < limit <= MOST_SECONDS:
+            raise ValueError(
+                f"time_limit must be above 0 and at most {MOST_SECONDS:g} s, got {limit}"
+            )
+        for name, weight in (self.reward or {}).items():
+            if name not in REWARDS:
+                raise ValueError(f"reward has {name!r}; its terms are {_lists(list(REWARDS))}")
+            if not math.isfinite(weight):
+                raise ValueError(f"reward's {name} must be a finite number, got {weight}")
+        allowed, chosen = self.goal.instruments, self.instruments
+        if chosen is not None and chosen != "free":
+            if isinstance(chosen, str) or len(chosen) != self.hands:
+                raise ValueError(f"instruments must be one of each hand or 'free', got {chosen!r}")
+            for each in chosen:
+                if each not in allowed:
+                    raise ValueError(f"{each!r} is not allowed here; there are {_lists(allowed)}")
+
+    @cached_property
+    def specimen(self) -> Specimen:
+        """What is in hand."""
+        organ = None if self.organ is None else Path(self.organ)
+        return _specimen(self.bed, organ, self.preset)
+
+    @cached_property
+    def goal(self) -> BedExercise:
+        """The exercise."""
+        if isinstance(self.exercise, BedExercise):
+            return self.exercise
+        offered = _exercises(self.specimen)
+        if self.exercise not in offered:
+            raise ValueError(
+                f"exercise must be one of {_lists(list(offered))} in a {self.bed} bed, "
+                f"got {self.exercise!r}"
+            )
+        return offered[self.exercise]
+
+    @cached_property
+    def free_choice(self) -> bool:
+        """Whether the policy chooses instruments."""
+        return self.instruments == "free"
+
+    @cached_property
+    def first_instruments(self) -> tuple[Instrument, ...]:
+        """The instrument of each hand at first."""
+        if self.instruments is not None and not isinstance(self.instruments, str):
+            return tuple(self.instruments)
+        last: Instrument = "dissector" if "dissector" in self.goal.instruments else HOLDING[-1]
+        return (*(HOLDING[:1] * (self.hands - 1)), last)
+
+    @cached_property
+    def limit_ticks(self) -> int:
+        """Ticks of an episode."""
+        return max(1, round((self.time_limit or self.goal.time_limit_s) * TICKS_PER_SECOND))
+
+    @cached_property
+    def weights(self) -> dict[str, float]:
+        """The reward's weights, by term."""
+        return {name: weight for name, (weight, _) in REWARDS.items()} | dict(self.reward or {})
+
+    @cached_property
+    def bins(self) -> NDArray[np.float64]:
+        """(B,) middles of the mm of the duct at which strands are observed, mm."""
+        return np.arange(max(1, round(self.specimen.beam.span)), dtype=np.float64) + 0.5
+
+    @cached_property
+    def actions(self) -> int:
+        """Numbers of an action for each hand."""
+        return len(ACTIONS) - (not self.free_choice)
+
+    @property
+    def size(self) -> int:
+        """Numbers of an action: hand after hand."""
+        return self.hands * self.actions
+
+    @property
+    def action_space(self) -> spaces.Box:
+        """The space of a policy's actions."""
+        return spaces.Box(-1.0, 1.0, (self.size,), np.float32)
+
+    @property
+    def steps_per_second(self) -> int:
+        """Steps in a second of the duct's time, to a whole number."""
+        return max(1, round(TICKS_PER_SECOND / self.ticks_per_step))
+
+    def bounds(self, nodes: int) -> dict[str, tuple[Floats32, Floats32]]:
+        """Return the smallest and largest observations of a duct with so many nodes, by key."""
+        span = self.specimen.beam.span
+        rows = {"hands": self.hands, "duct": nodes}
+        found: dict[str, tuple[Floats32, Floats32]] = {}
+        for key, numbers in OBSERVATIONS.items():
+            low = np.array([each.low for each in numbers], np.float32)
+            high = np.array([each.high + span * each.with_span for each in numbers], np.float32)
+            shape = (rows[key], 1) if key in rows else self.bins.size if key == "strands" else 1
+            found[key] = np.tile(low, shape), np.tile(high, shape)
+        return found
+
+    def seeded(self, bed_seed: int) -> BedExercise:
+        """Return the exercise in the bed of another seed; its limits are those of an even bed."""
+        limit = self.time_limit or self.goal.time_limit_s
+        return msgspec.structs.replace(self.goal, bed_seed=bed_seed, time_limit_s=limit)

@@ -1,0 +1,44 @@
+"""Write the tables of docs/rl.md from the code: `python tests/app/rl_page.py docs/rl.md`."""
+
+import sys
+from pathlib import Path
+
+from app.rl.task import ACTIONS, OBSERVATIONS, REWARDS, Number, Task
+
+SHAPES = {"hands": "(hands, 12)", "duct": "(41, 3)", "strands": "(51,)"}
+START, END = "<!-- from the code -->\n", "<!-- to here -->\n"
+
+
+def tables() -> str:
+    """The tables, as Markdown."""
+    lines: list[str] = []
+    for key, numbers in OBSERVATIONS.items():
+        shape = SHAPES.get(key, f"({len(numbers)},)")
+        lines += [f"### `{key}`, {shape} float32", "", *_rows(numbers), ""]
+    lines += ["### Actions, (hands x 5,) float32, or x 6 with free instruments", ""]
+    lines += [*_rows(ACTIONS), "", "### Reward", "", "| term | weight | times |", "|---|---|---|"]
+    lines += [f"| {name} | {weight:g} | {what} |" for name, (weight, what) in REWARDS.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _rows(numbers: tuple[Number, ...]) -> list[str]:
+    span = Task().specimen.beam.span
+    return [
+        "| number | unit | from | to | what |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {n.name} | {n.unit} | {n.low:g} | {n.high + span * n.with_span:g} | {n.meaning} |"
+            for n in numbers
+        ),
+    ]
+
+
+def renewed(page: str) -> str:
+    """A page with its tables made anew."""
+    before, rest = page.split(START)
+    return before + START + "\n" + tables() + "\n" + END + rest.split(END)[1]
+
+
+if __name__ == "__main__":
+    path = Path(sys.argv[1])
+    path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8")

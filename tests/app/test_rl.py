@@ -1,0 +1,173 @@
+"""Environments of Gymnasium: its own checkers, the same bits alone and side by side, bad input."""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import error
+from gymnasium.utils.env_checker import check_env
+from rl_bits import alone, together
+from rl_page import renewed
+from simulated import phantom, replayed
+
+from app.rl import ID
+from app.rl.environment import DissectionEnv, DissectionVectorEnv
+from app.rl.task import REWARDS
+from app.simulation import HAND_SPEED
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {},
+        {"exercise": "follow_front", "bed": "loose", "hands": 1, "ticks_per_step": 30},
+        {"exercise": "free_scar", "speed": HAND_SPEED, "ticks_per_step": 1, "seeds": (0,)},
+        {"instruments": "free", "bed": "inflamed", "time_limit": 0.2, "seeds": (2**63 - 1,)},
+        {"hands": 1, "instruments": ("swab",), "reward": {"errors": 0.0}, "time_limit": 3600.0},
+    ],
+)
+def test_gymnasium_s_checker_has_nothing_to_say(arguments: dict[str, Any]) -> None:
+    made = gymnasium.make(ID, **arguments)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(made.unwrapped)
+    made.close()
+
+
+def test_what_is_observed_is_within_its_space_and_the_terms_add_up() -> None:
+    """For random hands as quick as there are, through whole episodes, under the passive checker."""
+    env = gymnasium.make(ID, instruments="free", speed=HAND_SPEED, time_limit=3.0)
+    env.action_space.seed(1)
+    ends: set[str] = set()
+    for seed in range(8):
+        env.reset(seed=seed)
+        terminated = truncated = False
+        seconds = 0.0
+        while not (terminated or truncated):
+            observed, reward, terminated, truncated, info = env.step(env.action_space.sample())
+            assert env.observation_space.contains(observed)
+            assert info["reward_terms"].keys() == REWARDS.keys()
+            assert reward == pytest.approx(sum(info["reward_terms"].values()), abs=1e-12)
+            seconds = info["seconds"]
+        assert not (terminated and truncated)
+        assert truncated == (seconds >= 3.0 - 1e-9)
+        ends.add("truncated" if truncated else "terminated")
+    assert "truncated" in ends
+
+
+def test_the_same_bits_alone_and_side_by_side() -> None:
+    seeds = [3, 4, 5, 6, 7]
+    found = alone(seeds, 12, exercise="window")
+    assert len(set(found)) == len(seeds)
+    for count, threads in ((1, 1), (5, 1), (5, 2), (3, 3)):
+        rows = [
+            digest
+            for i in range(0, len(seeds), count)
+            for digest in together(seeds[i : i + count], 12, threads, exercise="window")
+        ]
+        assert rows == found, (count, threads)
+
+
+def test_an_episode_is_a_run_that_replays_to_the_bit() -> None:
+    env = DissectionEnv(exercise="follow_front", time_limit=4.0)
+    observed, info = env.reset(seed=1, options={"bed_seed": 30})
+    assert info["bed_seed"] == 30
+    over = False
+    while not over:  # to the duct's free end, take hold there, and up
+        tip, held = observed["hands"][0, :3], observed["hands"][0, 6] > 0.0
+        place = np.array([46.0, 0.0, 8.0 if held else 2.0])
+        way = np.clip((place - tip) / 2.0, -1.0, 1.0)
+        grip = 1.0 if held or abs(46.0 - tip[0]) < 1.0 else -1.0
+        action = np.array([*way, 0.0, grip, 0.0, 0.0, 0.0, 0.0, -1.0], np.float32)
+        observed, _, terminated, truncated, info = env.step(action)
+        over = terminated or truncated
+    assert observed["hands"][0, 6] == 1.0
+    run = env.run_file()
+    assert run.metrics["strands_broken"] > 0
+    again = replayed(run, phantom())
+    assert again.metrics == run.metrics
+    assert again.outcome == run.outcome
+
+
+def test_a_vector_environment_starts_anew_with_the_next_step() -> None:
+    envs = gymnasium.make_vec(ID, num_envs=3, time_limit=0.2, threads=2)
+    assert isinstance(envs.unwrapped, DissectionVectorEnv)
+    _, infos = envs.reset(seed=5)
+    assert infos["bed_seed"].shape == (3,)
+    still = np.zeros(envs.action_space.shape or (), np.float32)
+    for wanted in (False, True, False, False, True):
+        observed, rewards, terminated, truncated, infos = envs.step(still)
+        assert envs.observation_space.contains(observed)
+        assert not terminated.any()
+        assert truncated.tolist() == [wanted] * 3
+        assert (infos["seconds"] == 0.0).all() == bool((rewards == 0.0).all())
+    envs.close()
+    with pytest.raises(error.ClosedEnvironmentError, match="closed"):
+        envs.step(still)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"exercise": "knot"}, "'window', 'follow_front', 'free_scar'.*got 'knot'"),
+        ({"bed": "feather"}, "feather"),
+        ({"preset": "glass"}, "glass"),
+        ({"hands": 3}, "hands must be 1 to 2, got 3"),
+        ({"instruments": ("hook",)}, "one of each hand"),
+        ({"instruments": ("hook", "saw")}, "'saw' is not allowed here; there are 'hook'"),
+        ({"ticks_per_step": 0}, "ticks_per_step must be 1 to 30, got 0"),
+        ({"speed": float("nan")}, "speed must be above 0 and at most 60 mm/s, got nan"),
+        ({"seeds": ()}, "seeds must be one or more"),
+        ({"time_limit": 0.0}, "time_limit must be above 0"),
+        ({"reward": {"style": 1.0}}, "reward has 'style'; its terms are 'progress'"),
+        ({"reward": {"errors": float("inf")}}, "reward's errors must be a finite number"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_named(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        gymnasium.make(ID, **arguments)
+
+
+def test_bad_actions_and_calls_get_gymnasium_s_errors() -> None:
+    env = gymnasium.make(ID, time_limit=0.1)
+    fine = np.zeros(10, np.float32)
+    with pytest.raises(error.ResetNeeded):
+        env.step(fine)
+    env.reset(seed=1)
+    inner = env.unwrapped
+    for action, words in (
+        (np.full(10, np.nan, np.float32), "finite"),
+        (np.zeros(9, np.float32), r"shape \(10,\), got \(9,\)"),
+        ("up", "must be numbers"),
+    ):
+        with pytest.raises(error.InvalidAction, match=words):
+            inner.step(action)
+    assert inner.step(fine)[3]
+    with pytest.raises(error.ResetNeeded, match="over"):
+        inner.step(fine)
+    with pytest.raises(ValueError, match="bed_seed must be from 0"):
+        env.reset(options={"bed_seed": -1})
+    env.close()
+    with pytest.raises(error.ClosedEnvironmentError, match="closed"):
+        inner.reset()
+    envs = DissectionVectorEnv(2)
+    with pytest.raises(error.ResetNeeded):
+        envs.step(np.zeros((2, 10), np.float32))
+    with pytest.raises(ValueError, match="one of each of 2"):
+        envs.reset(seed=[1])
+    envs.reset(seed=1)
+    with pytest.raises(error.InvalidAction, match=r"\(2, 10\)"):
+        envs.step(np.zeros(10, np.float32))
+    with pytest.raises(ValueError, match="threads must be 1 or more"):
+        DissectionVectorEnv(2, threads=0)
+    envs.close()
+
+
+def test_the_page_has_the_code_s_tables() -> None:
+    page = (ROOT / "docs" / "rl.md").read_text(encoding="utf-8")
+    assert page == renewed(page), "make it anew: python tests/app/rl_page.py docs/rl.md"
