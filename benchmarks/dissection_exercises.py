@@ -11,15 +11,16 @@ from rich.console import Console
 from app.command_line.load import shipped_organ
 from app.simulation import (
     MANNERS,
-    BedExercise,
-    BedManner,
+    Exercise,
     Metrics,
+    Outcome,
     Session,
     bed_named,
-    script,
+    exercises_offered,
+    perform,
     specimen_in_bed,
 )
-from app.simulation.exercise import Outcome
+from app.simulation.scripted_hands import Technique
 
 __all__ = ["measure_exercises"]
 
@@ -39,13 +40,10 @@ COLUMNS = {
 """Measures of a table, by heading."""
 
 
-def done(session: Session, exercise: BedExercise, manner: BedManner) -> tuple[Metrics, Outcome]:
+def done(session: Session, exercise: Exercise, technique: Technique) -> tuple[Metrics, Outcome]:
     """Do an exercise with scripted hands."""
     session.start_exercise(exercise)
-    for _ in script(session, session.spatial, exercise, manner):
-        session.advance()
-        if session.run.over:
-            break
+    perform(session, technique)
     outcome = session.run.outcome
     return session.metrics(), outcome or Outcome(False, "The hands were done before the goal.")
 
@@ -54,18 +52,20 @@ def measure_exercises(console: Console) -> dict[str, Any]:
     """Print and return who passes, and mean and standard deviation of the measures."""
     session = Session(specimen_in_bed(shipped_organ(), bed=bed_named(BED)), vertices=300)
     figures: dict[str, Any] = {}
-    for offered in session.exercises_offered():
-        assert isinstance(offered, BedExercise)
+    for offered in exercises_offered(session):
+        opening = offered.opening
+        assert opening is not None
+        beds = [msgspec.structs.replace(opening, bed_seed=seed) for seed in SEEDS]
         console.print(
-            f"\n{offered.title}, bed {offered.bed}: {offered.limit}",
+            f"\n{offered.title}, bed {opening.bed}: {offered.caution}",
             highlight=False,
             soft_wrap=True,
         )
-        for label, manner in MANNERS[offered.name].items():
+        for label, technique in MANNERS[offered.name].items():
             with console.status(f"{offered.title}: {label} ..."):
                 ends = [
-                    done(session, msgspec.structs.replace(offered, bed_seed=seed), manner)
-                    for seed in SEEDS
+                    done(session, msgspec.structs.replace(offered, opening=each), technique)
+                    for each in beds
                 ]
             passed = sum(outcome.passed for _, outcome in ends)
             rows = np.array([[read(found) for read in COLUMNS.values()] for found, _ in ends])

@@ -4,25 +4,26 @@ A limit that the file does not name follows from the duct, as in the trainer's o
 """
 
 import textwrap
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import msgspec
 
 from app.bounded_file import decoded
 from app.simulation import (
-    TITLES,
-    ApproachBreak,
-    BedExercise,
+    EXERCISES,
+    FEW,
     Exercise,
     Feedback,
-    GentleDissection,
-    HoldStretch,
+    Limit,
     Preset,
     Session,
     bed_named,
+    exercises_offered,
     free_specimen,
     preset_named,
     renamed_exercise,
+    renamed_goal,
+    renamed_numbers,
     specimen_in_bed,
 )
 from organ_geometry import Organ
@@ -32,17 +33,29 @@ __all__ = ["GOALS", "ExerciseFile", "Goal", "SetExercise", "read_exercise", "tem
 Goal = Literal[
     "window", "follow_front", "free_scar", "hold_stretch", "approach_break", "gentle_lifts"
 ]
-PULLS: dict[Goal, type[HoldStretch | ApproachBreak | GentleDissection]] = {
-    "hold_stretch": HoldStretch,
-    "approach_break": ApproachBreak,
-    "gentle_lifts": GentleDissection,
-}
-GOALS: dict[Goal, str] = {**TITLES, **{goal: kind.title for goal, kind in PULLS.items()}}
-# Fields of an exercise that are no limits.
-FIXED = {"name", "bed", "bed_seed", "instruments", "opened_mm", "divided", "one_stretch", "errors"}
+PULLS: tuple[Goal, ...] = ("hold_stretch", "approach_break", "gentle_lifts")
+"""Those of a free duct."""
+GOALS: dict[Goal, str] = {goal: EXERCISES[goal].title for goal in get_args(Goal)}
+TIME_LIMIT = "time_limit_s"
+FREED = (
+    "length_mm", "from_mm", "to_mm", "peak_stress_ratio", "strands_broken_out_of_sight",
+    "shortest_time_to_break_s", "maximum_instrument_force_N", TIME_LIMIT,
+)  # fmt: skip
+HELD = (
+    "low", "high", "seconds", "maximum_force_N", "mean_absolute_nonzero_force_N",
+    "maximum_loading_rate_N_per_s", "overshoot", "smallest_distance_to_break", TIME_LIMIT,
+)  # fmt: skip
+NUMBERS: dict[Goal, tuple[str, ...]] = {
+    "window": FREED,
+    "follow_front": FREED,
+    "free_scar": FREED,
+    "hold_stretch": ("deflection_mm", "tolerance_mm", *HELD[2:]),
+    "approach_break": ("high", "seconds", "maximum_force_N", "maximum_loading_rate_N_per_s",
+                       TIME_LIMIT),
+    "gentle_lifts": ("repeats", "return_below", *HELD),
+}  # fmt: skip
+"""What an exercise file may give for a goal: fields of it, metrics that are limited, the time."""
 LONGEST_TITLE, LONGEST_TEXT, LONGEST_FILE = 60, 1000, 20_000
-FEW = 300
-"""Vertices of a duct that nobody sees."""
 
 
 class DuctChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -95,13 +108,13 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"text must have at most {LONGEST_TEXT} characters")
         if self.goal in PULLS and self.duct.bed is not None:
             raise ValueError(f"duct.bed does not go with {self.goal}, which has no bed")
-        if self.errors and self.goal == "gentle_lifts":
-            raise ValueError("errors do not go with gentle_lifts, which has limits only")
-        if unknown := sorted(set(self.limits) - set(_limits(self.goal))):
+        numbers = NUMBERS[self.goal]
+        if unknown := sorted(set(renamed_numbers(self.limits)) - set(numbers)):
             raise ValueError(
-                f"limits.{unknown[0]} is none of {self.goal}; there are: "
-                f"{', '.join(_limits(self.goal))}"
+                f"limits.{unknown[0]} is none of {self.goal}; there are: {', '.join(numbers)}"
             )
+        for error, most in self.errors.items():
+            Limit(error, most)
 
     def on(self, organ: Organ, preset: Preset | None) -> SetExercise:
         """Return what it asks on the class's organ; this takes seconds the first time."""
@@ -112,20 +125,18 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             bed = None if self.duct.bed is None else bed_named(self.duct.bed)
             specimen = specimen_in_bed(organ, chosen, bed, bed_seed=self.duct.seed)
         span = specimen.beam.span
-        named = {each.title: each for each in Session(specimen, vertices=FEW).exercises_offered()}
-        found = named.get(GOALS[self.goal])
+        offered = exercises_offered(Session(specimen, vertices=FEW))
+        found = next((each for each in offered if each.name == self.goal), None)
         if found is None:
             raise ValueError(f"goal {self.goal} cannot be reached on this duct in this bed")
-        if isinstance(found, BedExercise) and self.duct.bed not in (None, found.bed):
+        opening = found.opening
+        if opening is not None and self.duct.bed not in (None, opening.bed):
             raise ValueError(f"goal {self.goal} is not done in duct.bed {self.duct.bed!r}")
         try:
-            plain = msgspec.to_builtins(found) | self.limits
-            if self.errors:
-                plain["errors"] |= self.errors
-            asked = msgspec.convert(plain, type(found))
+            asked = _limited(found, self.limits, self.errors)
         except msgspec.ValidationError as error:
             raise ValueError(f"limits or errors: {error}") from None
-        if isinstance(asked, BedExercise) and asked.to_mm > span + 1e-9:
+        if self.limits.get("to_mm", 0.0) > span + 1e-9:
             raise ValueError(f"limits.to_mm must be at most the duct's {span:.1f} mm")
         return SetExercise(
             title=self.title.strip(),
@@ -149,11 +160,22 @@ def _decoded(content: str, *, type: type[ExerciseFile]) -> ExerciseFile:  # noqa
     plain: Any = msgspec.toml.decode(content)
     if isinstance(goal := plain.get("goal"), str):
         plain["goal"] = goal.replace("-", "_")
-    limits: Any = plain.get("limits")
-    if isinstance(limits, dict) and "share_limit" in limits:
-        plain["limits"] = limits | {"stress_ratio_limit": limits["share_limit"]}
-        del plain["limits"]["share_limit"]
     return msgspec.convert(plain, type)
+
+
+def _limited(
+    exercise: Exercise, numbers: dict[str, int | float], errors: dict[str, int]
+) -> Exercise:
+    """Return an exercise with other numbers of its goal, limits, errors and time."""
+    plain = msgspec.to_builtins(exercise.goal)
+    fields = {*exercise.goal.__struct_fields__, "deflection_mm", "tolerance_mm"}
+    numbers = renamed_numbers(numbers)
+    goal = renamed_goal(plain | {key: each for key, each in numbers.items() if key in fields})
+    limits = {key: each for key, each in numbers.items() if key not in {*fields, TIME_LIMIT}}
+    changed = {"goal": goal, TIME_LIMIT: numbers.get(TIME_LIMIT, exercise.time_limit_s)}
+    return msgspec.convert(
+        msgspec.to_builtins(exercise.with_limits(limits | errors)) | changed, Exercise
+    )
 
 
 def template(goal: Goal) -> str:
@@ -166,15 +188,7 @@ bed = "{"scar" if goal == "free_scar" else "normal"}"   # see: bluntdissect info
 seed = 1         # of the bed's scatter
 """
     )
-    limits = textwrap.indent(textwrap.fill(", ".join(_limits(goal)), 70), "# ")
-    errors = (
-        ""
-        if goal == "gentle_lifts"
-        else """
-[errors]   # most incidents of a class that do not fail it, docs/errors.md; of some it is 0 already
-# repeated_holds = 3
-"""
-    )
+    limits = textwrap.indent(textwrap.fill(", ".join(NUMBERS[goal]), 70), "# ")
     return f"""\
 title = "{GOALS[goal]}"
 text = ""  # what you tell the trainees, in a sentence or two
@@ -187,10 +201,7 @@ feedback = "continuous"   # or "fading", or "summary": figures only in the resul
 [limits]   # what is not named here follows from the duct; there are:
 {limits}
 time_limit_s = 120
-{errors}"""
 
-
-def _limits(goal: Goal) -> tuple[str, ...]:
-    """Return the names of the numbers that an exercise file may give for a goal."""
-    kind = PULLS.get(goal, BedExercise)
-    return tuple(name for name in kind.__struct_fields__ if name not in FIXED)
+[errors]   # most incidents of a class that do not fail it, docs/errors.md; of some it is 0 already
+# repeated_holds = 3
+"""

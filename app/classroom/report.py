@@ -84,7 +84,7 @@ def _assignment_html(each: Assignment, tries: Sequence[Result]) -> str:
     passed = sum(one.run.passed is True for one in tops)
     return (
         f"<section><h3>{html.escape(asked.title)} <small>set {_when(each.set_at)}</small></h3>"
-        f"<p>{html.escape(asked.exercise.goal)} {html.escape(asked.exercise.limit)}</p>"
+        f"<p>{html.escape(asked.exercise.task)} {html.escape(asked.exercise.caution)}</p>"
         f"<p><b>{passed} of {len(tops)}</b> passed, in {len(tries)} "
         f"{'try' if len(tries) == 1 else 'tries'}.</p>"
         f"{_plot(tries)}{_table(tries, who=True, what=False)}</section>"
@@ -104,7 +104,7 @@ def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
             said = "No try was finished." if top is None else html.escape(top.run.reason)
             parts.append(
                 f"<section><h3>{html.escape(asked.title)}</h3>"
-                f"<p>{html.escape(asked.exercise.goal)} {html.escape(asked.exercise.limit)}</p>"
+                f"<p>{html.escape(asked.exercise.task)} {html.escape(asked.exercise.caution)}</p>"
                 f"<p><b>Best try:</b> {said}</p>{_plot(tries, by_try=True)}"
                 f"{_table(tries, who=False, what=False)}</section>"
             )

@@ -97,7 +97,7 @@ def results(store: ClassStore, person_id: str | None = None) -> list[Result]:
     """Return the runs of a class, or of one person, oldest first."""
     names = shown_names(store.people())
     limits = {
-        each.id: getattr(SetExercise.of_json(each.exercise).exercise, "stress_ratio_limit", None)
+        each.id: SetExercise.of_json(each.exercise).exercise.limit_of.get("peak_stress_ratio")
         for each in store.assignments()
     }
     tries = Counter[tuple[str, object]]()

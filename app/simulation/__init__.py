@@ -12,23 +12,24 @@ from app.simulation.dissection import PIECES, Dissection, default_preset, fits, 
 from app.simulation.drawn_duct import Stresses, SurfaceStress
 from app.simulation.errors import ERROR_CLASSES, MODES, Conditions, ErrorClass, Incident
 from app.simulation.exercise import (
-    TITLES,
-    ApproachBreak,
-    BedExercise,
     Exercise,
     ExerciseInputs,
     Feedback,
-    GentleDissection,
-    HoldStretch,
+    FreeLength,
+    Limit,
+    Opening,
     Outcome,
+    Stay,
 )
-from app.simulation.exercise_limits import rehearsed
+from app.simulation.exercise_limits import exercises_offered
+from app.simulation.exercise_table import EXERCISES
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import HAND_SPEED, Grasper, Load
 from app.simulation.hand import Hand
 from app.simulation.inputs import HOLDING, INSTRUMENTS, Input, Instrument, TheoryChoice
-from app.simulation.metrics import DISTANCE_TO_BREAK, METRICS, Metric, Metrics, metrics_of
-from app.simulation.older_runs import read_run, renamed_exercise, renamed_metrics
+from app.simulation.metrics import DISTANCE_TO_BREAK, METRIC_OF, METRICS, Metric, Metrics
+from app.simulation.older_exercises import renamed_exercise, renamed_goal, renamed_numbers
+from app.simulation.older_runs import read_run, renamed_metrics
 from app.simulation.peel_scene import PeelScene, read_scene
 from app.simulation.planar_tissue import PlanarTissue
 from app.simulation.preset import (
@@ -58,8 +59,7 @@ from app.simulation.run_file import (
     RunLog,
     run_json,
 )
-from app.simulation.scripted_hands import MANNERS, BedManner, script
-from app.simulation.scripted_pull import CAREFUL, do_exercise
+from app.simulation.scripted_hands import CAREFUL, MANNERS, perform
 from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
 from app.simulation.spatial_tissue import (
     JAW_RADIUS,
@@ -81,6 +81,7 @@ __all__ = [
     "DISTANCE_TO_BREAK",
     "ELEMENTS",
     "ERROR_CLASSES",
+    "EXERCISES",
     "FEW",
     "FRONT_SECONDS",
     "HANDS",
@@ -91,6 +92,7 @@ __all__ = [
     "LIMITS",
     "MANNERS",
     "METRICS",
+    "METRIC_OF",
     "MODES",
     "MOST_BYTES",
     "MOST_OPENING",
@@ -100,13 +102,9 @@ __all__ = [
     "THESIS_PRESET",
     "TICKS_PER_SECOND",
     "TICK_SECONDS",
-    "TITLES",
     "TOWARDS_HAND",
     "VERTICES",
-    "ApproachBreak",
     "BeamModel",
-    "BedExercise",
-    "BedManner",
     "BedPreset",
     "BeddedSurface",
     "Clock",
@@ -116,19 +114,20 @@ __all__ = [
     "Exercise",
     "ExerciseInputs",
     "Feedback",
-    "GentleDissection",
+    "FreeLength",
     "Ghost",
     "GhostReading",
     "GraspedBeam",
     "Grasper",
     "Hand",
-    "HoldStretch",
     "Incident",
     "Input",
     "Instrument",
+    "Limit",
     "Load",
     "Metric",
     "Metrics",
+    "Opening",
     "OrganBeam",
     "OrganIdentity",
     "Outcome",
@@ -149,6 +148,7 @@ __all__ = [
     "SpatialTissue",
     "Specimen",
     "Spread",
+    "Stay",
     "Stresses",
     "SurfaceStress",
     "SwingingChain",
@@ -160,23 +160,23 @@ __all__ = [
     "bed_presets",
     "chosen_preset",
     "default_preset",
-    "do_exercise",
+    "exercises_offered",
     "fits",
     "free_specimen",
     "loading_rates",
-    "metrics_of",
     "organ_beam",
+    "perform",
     "preset_named",
     "preset_toml",
     "presets",
     "read_preset",
     "read_run",
     "read_scene",
-    "rehearsed",
     "renamed_exercise",
+    "renamed_goal",
     "renamed_metrics",
+    "renamed_numbers",
     "run_json",
-    "script",
     "specimen_in_bed",
     "tear_front",
     "tear_swing",

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.error_finder import ErrorFinder
-from app.simulation.errors import Incident, Incidents
-from app.simulation.exercise import BedExercise
+from app.simulation.errors import Incidents
+from app.simulation.exercise import Exercise
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import HANDS
 from app.simulation.sight import TOWARDS_VIEWER, WORKING_DISTANCE
@@ -77,7 +77,7 @@ class DissectionMeasureTaker:
     def __init__(
         self,
         duct: "SpatialTissue",
-        exercise: BedExercise | None = None,
+        exercise: Exercise | None = None,
         *,
         broken_by_touch: bool = True,
     ) -> None:
@@ -111,13 +111,7 @@ class DissectionMeasureTaker:
         self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         self._torn = duct.torn
         self._measure_freed()
-        wanted = self.exercise
-        self._finder = ErrorFinder(
-            duct,
-            stress_ratio_limit=None if wanted is None else wanted.stress_ratio_limit,
-            out_of_sight_limit=None if wanted is None else wanted.out_of_sight_limit,
-            named={} if wanted is None else wanted.errors,
-        )
+        self._finder = ErrorFinder(duct, {} if self.exercise is None else self.exercise.limit_of)
 
     def _measure_freed(self) -> None:
         self.freed = self.duct.freed
@@ -224,9 +218,25 @@ class DissectionMeasureTaker:
         """The errors so far, from the start on."""
         return self._finder.incidents
 
-    def incidents(self) -> list[Incident]:
-        """Return the errors that were made so far."""
-        return self.errors.all()
+    @property
+    def torn(self) -> bool:
+        """Whether the duct has torn."""
+        return self.duct.torn is not None
+
+    @property
+    def held(self) -> bool:
+        """Whether a hand holds the duct."""
+        return any(hand.node is not None for hand in self.duct.hands)
+
+    @property
+    def deflection_mm(self) -> float:
+        """Of the place that is pulled hardest, now."""
+        return self.duct.reading().deflection
+
+    @property
+    def distance_to_break(self) -> float:
+        """1 less the stress over the threshold, now."""
+        return 1.0 - self.duct.stress_ratio
 
     def measures(self) -> DissectionMeasures:
         """Return the measures so far; a `ValueError` before the start."""

@@ -91,28 +91,25 @@ class ErrorFinder:
     ----------
     duct
         At the start of the run.
-    stress_ratio_limit, out_of_sight_limit, named
-        The exercise's, if there is one: its limits, and the classes that it names.
+    limits
+        The exercise's, if there is one, by the key of a metric or of a class of errors.
     """
 
     def __init__(
         self,
         duct: "SpatialTissue",
-        *,
-        stress_ratio_limit: float | None = None,
-        out_of_sight_limit: int | None = None,
-        named: Mapping[str, int],
+        limits: Mapping[str, float],
     ) -> None:
+        ratio = limits.get("peak_stress_ratio")
+        hidden = limits.get("strands_broken_out_of_sight")
         self._duct = duct
         self.radius = duct.radius
         bed = duct.bed or bed_named("normal")  # a free duct has no strands to judge
         self.incidents = Incidents(
-            Conditions(
-                bed.yield_mm, bed.part_mm, self.radius, stress_ratio_limit, out_of_sight_limit
-            ),
-            named,
+            Conditions(bed.yield_mm, bed.part_mm, self.radius, ratio, hidden),
+            limits,
         )
-        self._most_share = stress_ratio_limit or 1.0
+        self._most_share = ratio or 1.0
         self._watches = [_Watch(hand) for hand in duct.hands]
         self._damage = duct.beam.state.damage.copy()
         self._rods = np.full((HANDS, 2), -1, dtype=np.int64)

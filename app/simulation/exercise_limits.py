@@ -1,44 +1,50 @@
-"""Exercises for a duct in its bed, with limits that follow from both.
+"""The exercises that a duct has, with limits that follow from its own break and from its bed.
 
-Good hands (`app.simulation.scripted_hands`) do each exercise beforehand, in the same bed with
-strands of even strength: what they need, with `SPARE` on top, is the limit. In the window they
-hardly load the duct; there the limit is `WINDOW_PART` of what pulling it off takes. Errors of
-`FAILING` fail it too: an exercise is not to be passed by what it does not teach. The bed's seed is
-the first one with which good hands pass.
+A free duct's follow from where it breaks. In a bed good hands (`app.simulation.scripted_hands`) do
+each exercise beforehand, with strands of even strength: what they need, with `SPARE` on top, is the
+limit. In the window they hardly load the duct; there the limit is `WINDOW_PART` of what pulling it
+off takes. The bed's seed is the first one with which good hands pass. Errors fail an exercise too:
+it is not to be passed by what it does not teach.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
 import msgspec
+import numpy as np
 
 from app.simulation.bed_preset import BedPreset, bed_named, named_or_whole
-from app.simulation.bed_trial import BedTrial
-from app.simulation.dissection_measures import DissectionMeasures, DissectionMeasureTaker
-from app.simulation.exercise import BedExercise, BedExerciseName, Outcome
-from app.simulation.inputs import HOLDING, INSTRUMENTS, Instrument
-from app.simulation.scripted_hands import MANNERS, BedManner, script
-from app.simulation.spatial_tissue import FREED_PART, SpatialTissue
+from app.simulation.clock import REACTION_SECONDS
+from app.simulation.exercise import Exercise, FreeLength, Limit, Opening, Stay
+from app.simulation.exercise_table import EXERCISES
+from app.simulation.grasped_beam import GraspedBeam
+from app.simulation.scripted_hands import MANNERS, Lift, Technique, perform
+from app.simulation.session import Session
+from app.simulation.spatial_tissue import FREED_PART
 from app.simulation.specimen import Specimen
 
-__all__ = ["bed_exercises", "rehearsed"]
+__all__ = ["exercises_offered"]
 
-SPARE: dict[BedExerciseName, float] = {"window": 1.1, "follow_front": 1.2, "free_scar": 1.12}
+# Deflection to hold, and its tolerance, over the deflection at break.
+HOLD_PART, HOLD_TOLERANCE = 0.6, 0.05
+HOLD_SECONDS = 3.0
+HOLD_FORCE = 1.1
+"""Force limit over the largest that the hold needs."""
+MARGIN = 0.15  # distance to break to approach, the same as the read-out's "Stop"
+STAY_SECONDS = 1.0
+# Factors of safety, strength over stress: to work at, and never to go below.
+WORKING_SAFETY, LEAST_SAFETY = 2.0, 1.5
+# Half width of the working band, over the deflection at its middle.
+BAND_PART = 0.08
+# Deflection at which the duct counts as led back, over that at the band's middle.
+SLACK_PART = 0.25
+LIFTS, LIFT_SECONDS = 3, 1.0
+
 SPARE_FORCE = 1.5
-"""Limits of the stress and of an instrument's force, over what good hands need in an even bed:
-about four standard deviations over beds of 20 seeds, and the strongest place of a scattered bed
-asks for more than an even one (docs/measures.md)."""
-WITH_JAWS = (
-    "blind_stab", "jumping_jaws", "stirring", "ploughing", "fast_in_tissue", "fast_pull",
-)  # fmt: skip
-FAILING: dict[BedExerciseName, tuple[str, ...]] = {
-    "window": WITH_JAWS,
-    "follow_front": (
-        "ahead_of_front", "repeated_holds", "one_go", "leaning", "behind_front", "fast_pull",
-    ),
-    "free_scar": ("no_traction", "traction_lost", *WITH_JAWS),
-}  # fmt: skip
-"""Error classes that fail an exercise: what it teaches cannot be passed by."""
+"""Limits of the stress (`ExerciseKind.spare`) and of an instrument's force, over what good hands
+need in an even bed: about four standard deviations over beds of 20 seeds, and the strongest place
+of a scattered bed asks for more than an even one (docs/measures.md)."""
 WINDOW_PART = 1.0 / 3.0
 # Lengths over the span: of the window to be freed, of a divided duct's free end, and of what is to
 # be freed from there on.
@@ -49,98 +55,139 @@ LOOSEST = 0.95
 """An exercise whose limit of stress comes out above this part of the break is not offered."""
 MOST_SEEDS = 20
 SCAR = "scar"
+FEW = 300
+"""Vertices of a duct that nobody sees."""
+MOST_STRANDS = 10**6
+"""A limit that limits nothing, while good hands find what they need."""
 
 
-def bed_exercises(specimen: Specimen) -> tuple[BedExercise, ...]:
-    """Return the exercises for a duct; the scar's, and others in a bed with one, in their own."""
+IN_BED = ("window", "follow_front", "free_scar")
+
+
+def exercises_offered(session: Session) -> tuple[Exercise, ...]:
+    """Return the exercises for a session's duct: a second's work the first time in a bed."""
+    specimen = session.specimen
+    if specimen.bed is not None:
+        return _in_bed(replace(specimen, threshold_MPa=session.tissue.threshold))
+    return () if specimen.theory is None else _of_free_duct(session.task_beam())
+
+
+def _exercise(
+    name: str, goal: Stay | FreeLength, limits: Sequence[Limit], opening: Opening | None = None
+) -> Exercise:
+    kind = EXERCISES[name]
+    return Exercise(
+        name=name,
+        title=kind.title,
+        goal=goal,
+        method=kind.method,
+        limits=(Limit("tear", 0), *(Limit(each, 0) for each in kind.errors), *limits),
+        opening=opening,
+        instruments=kind.instruments,
+        time_limit_s=kind.time_limit_s,
+    )
+
+
+def _of_free_duct(duct: GraspedBeam) -> tuple[Exercise, ...]:
+    """Return the exercises for a free duct; none if it cannot break."""
+    event = duct.breaks_at
+    working, most = (duct.load_at(1.0 / each) for each in (WORKING_SAFETY, LEAST_SAFETY))
+    if event is None or working is None or most is None:
+        return ()
+    deflections, forces = duct.curve(60)
+    low, held = (HOLD_PART + sign * HOLD_TOLERANCE for sign in (-1.0, 1.0))
+    low, held = low * event.deflection, held * event.deflection
+    needed = float(np.interp(held, deflections, forces))
+    middle = working.deflection
+    high = (1.0 + BAND_PART) * middle
+    # At this rate the largest allowed force would grow to the break within a reaction time.
+    rate = (event.force - most.force) / REACTION_SECONDS
+    return (
+        _exercise(
+            "hold_stretch",
+            Stay("deflection_mm", low, held, HOLD_SECONDS),
+            [Limit("maximum_force_N", HOLD_FORCE * needed)],
+        ),
+        _exercise("approach_break", Stay("distance_to_break", 0.0, MARGIN, STAY_SECONDS), []),
+        _exercise(
+            "gentle_lifts",
+            Stay(
+                "deflection_mm", (1.0 - BAND_PART) * middle, high, LIFT_SECONDS,
+                repeats=LIFTS, return_below=SLACK_PART * middle,
+            ),
+            [
+                Limit("maximum_force_N", most.force),
+                Limit("smallest_distance_to_break", 1.0 - 1.0 / LEAST_SAFETY),
+                Limit("overshoot", (most.deflection - high) / middle),
+                Limit("maximum_loading_rate_N_per_s", rate),
+                Limit("mean_absolute_nonzero_force_N", working.force, at_end=True),
+            ],
+        ),
+    )  # fmt: skip
+
+
+def _in_bed(specimen: Specimen) -> tuple[Exercise, ...]:
+    """Return the exercises in a bed; the scar's, and others in a bed with one, in their own."""
     bed = specimen.bed
     assert bed is not None  # noqa: S101 (the caller's)
     plain = bed if bed.patch is None else bed_named("normal")
     scarred = bed if bed.patch is not None else bed_named(SCAR)
-    found = [
-        _offered(replace(specimen, bed=each), name)
-        for name, each in (("window", plain), ("follow_front", plain), ("free_scar", scarred))
-    ]
+    beds = zip(IN_BED, (plain, plain, scarred), strict=True)
+    found = [_offered(replace(specimen, bed=each), name) for name, each in beds]
     return tuple(each for each in found if each is not None)
 
 
 @lru_cache(maxsize=32)
-def _offered(specimen: Specimen, name: BedExerciseName) -> BedExercise | None:
+def _offered(specimen: Specimen, name: str) -> Exercise | None:
     """Return an exercise with its limits and a seed, or None where good hands cannot do it."""
-    bed, seed = specimen.bed, specimen.bed_seed
+    bed, seed, kind = specimen.bed, specimen.bed_seed, EXERCISES[name]
     assert bed is not None  # noqa: S101 (the caller's)
     span = specimen.beam.span
-    goal = _goal(span, name, bed, seed)
-    even = SpatialTissue(
-        replace(specimen, bed=msgspec.structs.replace(bed, scatter=0.0), bed_seed=1)
-    )
-    manners = MANNERS[name]
-    needed, outcome = rehearsed(even, goal, manners["good"])
-    if not outcome.passed:
-        return None
-    share = SPARE[name] * needed.peak_stress_ratio
-    if name == "window":
-        pulled, _ = rehearsed(even, goal, BedManner(pulls=True))
-        share = max(share, WINDOW_PART * pulled.peak_stress_ratio)
-    if share > LOOSEST:
-        return None
-    force = SPARE_FORCE * needed.maximum_instrument_force_N
-    strands = even.beam.strands.count / span
-    for each in range(seed, seed + MOST_SEEDS):
-        exercise = msgspec.structs.replace(
-            goal,
-            bed_seed=each,
-            stress_ratio_limit=share,
-            time_to_break_limit_s=0.0,
-            out_of_sight_limit=round(HIDDEN_PART * strands * goal.free_mm),
-            instrument_force_limit_N=force if name == "free_scar" else None,
-            errors=dict.fromkeys(FAILING[name], 0),
+    goal, opened = _goal(span, name, bed)
+    session = Session(specimen, vertices=FEW)
+
+    def asked(bed: BedPreset, seed: int, *limits: Limit) -> Exercise:
+        divided = opened is not None
+        return _exercise(
+            name, goal, limits, Opening(named_or_whole(bed), seed, opened, divided=divided)
         )
-        duct = SpatialTissue(replace(specimen, bed_seed=each))
-        if rehearsed(duct, exercise, manners["good"])[1].passed:
-            return exercise
-    return None
+
+    even = msgspec.structs.replace(
+        asked(msgspec.structs.replace(bed, scatter=0.0), 1), limits=(Limit("tear", 0),)
+    )
+    good = MANNERS[name]["good"]
+    if not _passes(session, even, good):
+        return None
+    needed = session.metrics()
+    ratio = kind.spare * needed["peak_stress_ratio"]
+    if name == "window":
+        _passes(session, even, Lift())
+        ratio = max(ratio, WINDOW_PART * session.metrics()["peak_stress_ratio"])
+    if ratio > LOOSEST:
+        return None
+    hidden = round(HIDDEN_PART * session.spatial.beam.strands.count / span * goal.length_mm)
+    limits = [Limit("peak_stress_ratio", ratio), Limit("strands_broken_out_of_sight", hidden)]
+    if name == "free_scar":
+        force = SPARE_FORCE * needed["maximum_instrument_force_N"]
+        limits.append(Limit("maximum_instrument_force_N", force))
+    exercises = (asked(bed, each, *limits) for each in range(seed, seed + MOST_SEEDS))
+    return next((each for each in exercises if _passes(session, each, good)), None)
 
 
-def _goal(span: float, name: BedExerciseName, bed: BedPreset, seed: int) -> BedExercise:
-    """Return what is to be freed, with limits that hardly limit and no errors that fail it."""
-    a, b, free, opened = 0.0, span, WINDOW_SHARE * span, None
-    instruments: tuple[Instrument, ...] = INSTRUMENTS
+def _goal(span: float, name: str, bed: BedPreset) -> tuple[FreeLength, tuple[float, float] | None]:
+    """Return what is to be freed, and what is free at the start, mm from the first clamp."""
     if name == "follow_front":
-        b, free = (1.0 - OPENED_SHARE) * span, FOLLOW_SHARE * span
-        opened, instruments = (b, span), HOLDING
-    elif name == "free_scar":
+        front = (1.0 - OPENED_SHARE) * span
+        return FreeLength(FOLLOW_SHARE * span, 0.0, front), (front, span)
+    if name == "free_scar":
         assert bed.patch is not None  # noqa: S101 (the caller has looked)
         a, b = bed.patch.from_share * span, bed.patch.to_share * span
-        free = FREED_PART * (b - a)
-    return BedExercise(
-        name=name,
-        bed=named_or_whole(bed),
-        bed_seed=seed,
-        free_mm=free,
-        from_mm=a,
-        to_mm=b,
-        instruments=instruments,
-        stress_ratio_limit=0.999,
-        time_to_break_limit_s=0.0,
-        out_of_sight_limit=10**6,
-        opened_mm=opened,
-        divided=opened is not None,
-        one_stretch=name == "window",
-    )
+        return FreeLength(FREED_PART * (b - a), a, b), None
+    return FreeLength(WINDOW_SHARE * span, 0.0, span, one_stretch=True), None
 
 
-def rehearsed(
-    duct: SpatialTissue, exercise: BedExercise, manner: BedManner
-) -> tuple[DissectionMeasures, Outcome]:
-    """Do an exercise with scripted hands on a duct by itself."""
-    taker = DissectionMeasureTaker(duct, exercise)
-    trial = BedTrial(exercise, taker)
-    duct.prepare(exercise)
-    taker.start()
-    for _ in script(duct, duct, exercise, manner):
-        taker.take(moved=duct.advance())
-        trial.take()
-        if trial.outcome is not None:
-            return taker.measures(), trial.outcome
-    return taker.measures(), Outcome(False, f"The hands were done with {trial.standing}.")
+def _passes(session: Session, exercise: Exercise, technique: Technique) -> bool:
+    """Do an exercise with scripted hands; return whether it is passed."""
+    session.start_exercise(exercise)
+    perform(session, technique)
+    return session.run.outcome is not None and session.run.outcome.passed

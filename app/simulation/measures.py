@@ -5,7 +5,7 @@ import math
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.errors import Incident, Incidents
+from app.simulation.errors import Incidents
 from app.simulation.errors.pace import PullErrorFinder
 from physics import BreakEvent
 
@@ -70,7 +70,7 @@ class MeasureTaker:
     `task_threshold` is the force, N, above which time is counted. `band` is the goal's deflections,
     mm, or None. So far: `ticks`, `maximum_force` (N), `maximum_loading_rate` (N/s) and `overshoot`
     (over the band's middle deflection; None without a band). In the last tick: `force` (N),
-    `deflection` (mm), `distance_to_break` and `held`.
+    `deflection_mm`, `distance_to_break` and `held`; no strands hold it: `stretches` is empty.
 
     The smoothness is -ln(T^3 / v^2 * integral of |x'''|^2 dt) of the hook's path, with T the time
     that it moves and v its peak speed. The third derivative is the third difference of its last
@@ -95,7 +95,8 @@ class MeasureTaker:
         self._slowed = False  # whether it has slowed down again after its peak speed
         self._distance = 1.0
         self._tear: TearMeasures | None = None
-        self.force = self.deflection = 0.0
+        self.force = self.deflection_mm = 0.0
+        self.stretches: list[tuple[float, float]] = []
         self.distance_to_break = 1.0
         self.held = False
 
@@ -103,10 +104,6 @@ class MeasureTaker:
     def errors(self) -> Incidents:
         """The errors so far."""
         return self._finder.incidents
-
-    def incidents(self) -> list[Incident]:
-        """Return the errors that were made so far."""
-        return self.errors.all()
 
     @property
     def torn(self) -> bool:
@@ -140,7 +137,7 @@ class MeasureTaker:
     ) -> None:
         """Take one tick (N, mm); `came_from` is where a hold that starts in it took the duct."""
         self.ticks += 1
-        self.force, self.deflection, self.held = force, deflection, held
+        self.force, self.deflection_mm, self.held = force, deflection, held
         self.distance_to_break = distance_to_break
         size = abs(force)
         if size > 0.0:

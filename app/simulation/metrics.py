@@ -4,7 +4,7 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 
-__all__ = ["DISTANCE_TO_BREAK", "METRICS", "Metric", "Metrics", "metrics_of"]
+__all__ = ["DISTANCE_TO_BREAK", "METRICS", "METRIC_OF", "Metric", "Metrics", "metrics_of"]
 
 Metrics = dict[str, Any]
 """The metrics of a run by key: a number, a list of one of each hand, or what is known of the tear;
@@ -22,6 +22,24 @@ class Metric(NamedTuple):
     meaning: str
     factor: float = 1.0
     by_hand: str = ""  # of what there is one for each hand, the title with hands
+    limited: str = ""  # a limit of it, in words with {limit}
+    passed: str = ""  # that it is passed, in a sentence with {value} and {limit} without full stop
+
+    def limit_words(self, limit: float) -> str:
+        """Return a limit of it, in words."""
+        bound = "at least" if self.better == "higher" else "at most"
+        general = f"{self._plain.lower()} {bound} {{limit:.3g}} {self.unit}"
+        return (self.limited or general).format(limit=self.factor * limit).strip()
+
+    def passed_words(self, value: float, limit: float) -> str:
+        """Return that it is past a limit, in a sentence without its full stop."""
+        general = f"{self._plain} was {{value:.4g}} {self.unit}, past {{limit:.3g}} {self.unit}"
+        words = self.passed or general
+        return words.format(value=self.factor * value, limit=self.factor * limit).strip()
+
+    @property
+    def _plain(self) -> str:
+        return self.title.partition(" {")[0]
 
     def name(self, metrics: Metrics) -> str:
         """Return its title in a run."""
@@ -52,10 +70,14 @@ METRICS = (
     Metric(
         "strands_broken_out_of_sight", "Broken out of sight", "", "lower",
         "Strands that broke where neither the picture nor an instrument near by shows them.",
+        limited="no more than {limit:.0f} strands broken out of sight",
+        passed="{value:.0f} strands broke out of sight, more than {limit:.0f}",
     ),
     Metric(
         "peak_stress_ratio", "Peak stress", "% of break", "lower",
         "The highest stress in the wall by the threshold: 100 % tears.", 100.0,
+        limited="the wall never past {limit:.0f} % of its break",
+        passed="The wall reached {value:.1f} % of its break, past {limit:.1f} %",
     ),
     Metric(
         "peak_stress_station_mm", "Its place", "mm", "",
@@ -65,6 +87,9 @@ METRICS = (
         "shortest_time_to_break_s", "Shortest time to break", "s", "higher",
         "How long the duct would have lasted at its fastest loading, over a tenth of a second: "
         "whoever leaves less than a reaction time cannot stop.",
+        limited="never so fast that it would break within {limit:g} s",
+        passed="The wall would have broken in {value:.4g} s, sooner than {limit:g} s, in which one "
+        "can react",
     ),
     Metric(
         "time_above_half_s", "Time above half of the break", "s", "lower",
@@ -88,10 +113,14 @@ METRICS = (
     Metric(
         "maximum_force_N", "Maximum force", "N", "lower", "Largest force of a hand.",
         by_hand="Maximum force, left / right",
+        limited="at most {limit:.3g} N",
+        passed="The force reached {value:.3g} N, past {limit:.3g} N",
     ),
     Metric(
         "mean_absolute_nonzero_force_N", "Mean absolute non-zero force", "N", "lower",
         "Mean of the force over the time in which there was any.",
+        limited="on average {limit:.3g} N",
+        passed="The mean force was {value:.3g} N, past {limit:.3g} N",
     ),
     Metric(
         "force_sd_N", "Its standard deviation", "N", "lower",
@@ -100,19 +129,27 @@ METRICS = (
     Metric(
         "maximum_loading_rate_N_per_s", "Maximum rate of loading", "N/s", "lower",
         "Fastest growth of the force, over a tenth of a second.",
+        limited="loaded by at most {limit:.3g} N/s",
+        passed="It was loaded by {value:.3g} N/s, faster than {limit:.3g} N/s",
     ),
     Metric(
         "overshoot", "Overshoot", "%", "lower",
         "How far the duct was pulled past the goal, by the deflection in the goal's middle.", 100.0,
+        limited="no more than {limit:.0f} % past the goal",
+        passed="It went {value:.0f} % past the goal, more than {limit:.0f} %",
     ),
     Metric(
         "maximum_instrument_force_N", "Maximum force of jaws or swab", "N", "lower",
         "Largest force on a jaw or a swab.",
+        limited="jaws or swab pushed with at most {limit:.2g} N",
+        passed="The instrument was pushed with {value:.2g} N, past {limit:.2g} N",
     ),
     Metric(
         "force_time_product_N_s", "Force-time product", "N s", "lower",
         "Sum of the force over time, also called impulse. It rewards haste: read it with the "
         "rate of loading.", by_hand="Force-time product, left / right",
+        limited="no more than {limit:.3g} N s",
+        passed="{value:.3g} N s was spent, more than {limit:.3g} N s",
     ),
     Metric(
         "time_over_threshold_s", "Time over {task_threshold_N:.3g} N", "s", "lower",
@@ -140,9 +177,13 @@ METRICS = (
     Metric(
         DISTANCE_TO_BREAK, "Smallest distance to break", "%", "higher",
         "How near the duct came to its break: 0 % is the break.", 100.0,
+        limited="{limit:.0f} % left to the break",
+        passed="The distance to break fell to {value:.0f} %, below {limit:.0f} %",
     ),
 )  # fmt: skip
 """All measures but the tear and the task threshold, in the order in which they are shown."""
+METRIC_OF = {each.key: each for each in METRICS}
+"""Them by key."""
 
 
 def metrics_of(measures: msgspec.Struct) -> Metrics:

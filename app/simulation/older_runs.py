@@ -1,6 +1,6 @@
 """Runs of any version, as runs of this one. Versions 1 and 2 are pulls, version 3 dissections."""
 
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import msgspec
 
@@ -9,6 +9,7 @@ from app.simulation.bed_preset import BedPreset
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback, Outcome
 from app.simulation.inputs import Input, InputKind, TheoryChoice, Value
 from app.simulation.metrics import Metrics
+from app.simulation.older_exercises import renamed_exercise
 from app.simulation.preset import Preset
 from app.simulation.run_file import (
     ELEMENTS,
@@ -24,7 +25,7 @@ from app.simulation.run_file import (
 )
 from physics import LawName
 
-__all__ = ["read_run", "renamed_exercise", "renamed_metrics"]
+__all__ = ["read_run", "renamed_metrics"]
 
 DAMAGED = "a damaged run"
 
@@ -35,12 +36,6 @@ RENAMED_METRICS = {
     "strands_parted_out_of_sight": "strands_broken_out_of_sight",
     "peak_stress_share": "peak_stress_ratio",
     "parted_energy_mJ": "strand_energy_mJ",
-}
-RENAMED_EXERCISES = {
-    "hold-stretch": "hold_stretch",
-    "approach-break": "approach_break",
-    "gentle-lifts": "gentle_lifts",
-    "gentle-dissection": "least_impulse",
 }
 PULL_KINDS: dict[str, InputKind] = {
     "force": "force",
@@ -146,7 +141,7 @@ def read_run(content: bytes) -> RunFile:
         raise RunFileError(f"a run has at most {MOST_BYTES:,} bytes, not {len(content):,}")
     head = decoded(msgspec.json.decode, content, _Head, "not a run of bluntdissect", RunFileError)
     if head.version == VERSION:
-        run = decoded(msgspec.json.decode, content, RunFile, DAMAGED, RunFileError)
+        run = decoded(_decoded, content, RunFile, DAMAGED, RunFileError)
     elif head.version == 3:
         run = _of_dissection(decoded(msgspec.json.decode, content, _BedFile, DAMAGED, RunFileError))
     elif head.version in (1, 2):
@@ -161,19 +156,23 @@ def renamed_metrics(measures: Metrics) -> Metrics:
     return {RENAMED_METRICS.get(key, key): value for key, value in measures.items()}
 
 
-def renamed_exercise(exercise: dict[str, Any]) -> dict[str, Any]:
-    """Return the fields of an older exercise by their present names."""
-    found = dict(exercise)
-    kind = found.get("exercise")
-    if kind is None:  # one in a bed
-        found["exercise"] = "free_stretch"
-        if isinstance(found.get("name"), str):
-            found["name"] = found["name"].replace("-", "_")
-        if "share_limit" in found:
-            found["stress_ratio_limit"] = found.pop("share_limit")
-    elif isinstance(kind, str):
-        found["exercise"] = RENAMED_EXERCISES.get(kind, kind)
-    return found
+def _decoded(content: bytes, *, type: type[RunFile]) -> RunFile:  # noqa: A002
+    """Return a run of this version, whose exercise may be written as it was before."""
+    plain = msgspec.json.decode(content, type=dict[str, Any])
+    log: object = plain.get("log")
+    if isinstance(log, dict):
+        fields = cast("dict[str, Any]", log)
+        exercise: object = fields.get("exercise")
+        if isinstance(exercise, dict):
+            fields["exercise"] = _present(cast("dict[str, Any]", exercise))
+    return msgspec.convert(plain, type)
+
+
+def _present(exercise: dict[str, Any]) -> dict[str, Any]:
+    try:
+        return renamed_exercise(exercise)
+    except (ValueError, TypeError, AttributeError) as error:
+        raise RunFileError(f"{DAMAGED}: exercise: {error}") from None
 
 
 def _of_pull(file: _PullFile) -> RunFile:
@@ -261,6 +260,6 @@ def _exercise(exercise: dict[str, Any] | None) -> Exercise | None:
     if exercise is None:
         return None
     try:
-        return msgspec.convert(renamed_exercise(exercise), Exercise)
+        return msgspec.convert(_present(exercise), Exercise)
     except msgspec.ValidationError as error:
         raise RunFileError(f"{DAMAGED}: exercise: {error}") from None

@@ -7,21 +7,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from app.simulation.attempt import Taker
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.dissection import Dissection
 from app.simulation.drawn_duct import DrawnDuct
-from app.simulation.exercise import Exercise, goal_band
+from app.simulation.exercise import Exercise
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import Grasper, Load
 from app.simulation.inputs import InputKind, TheoryChoice
 from app.simulation.measures import MeasureTaker
 from app.simulation.reading import Reading, Vector
-from app.simulation.run import Taker
 from app.simulation.run_file import RunStart
 from app.simulation.specimen import Specimen
 from app.simulation.tear import Phase, Tear
 from app.simulation.tissue import Applied
-from app.simulation.trial import Trial, trial_of
 from organ_geometry.mesh import Skin
 from physics import BreakEvent, Cubic, NoEquilibrium, RuptureCheck, Theory
 
@@ -365,7 +364,7 @@ class PlanarTissue:
     def goal_of(self, exercise: Exercise) -> tuple[float, float] | None:
         """Return the deflections between which an exercise's goal lies with the present grasp."""
         if self._goal is None or self._goal[:2] != (exercise, self.grasped):
-            self._goal = exercise, self.grasped, goal_band(exercise, self.grasped)
+            self._goal = exercise, self.grasped, exercise.goal.band_on(self.grasped)
         return self._goal[2]
 
     def task_beam(self) -> GraspedBeam:
@@ -383,14 +382,13 @@ class PlanarTissue:
             grasp_mm=grasp,
         )
 
-    def judged(self, exercise: Exercise | None) -> tuple[Taker, Trial | None]:
-        """Return what takes the measures of a run, and what judges its exercise."""
+    def taker(self, exercise: Exercise | None) -> Taker:
+        """Return what takes the measures of a run, and finds its errors."""
         task_threshold = TASK_THRESHOLD * self.model.break_force
         if exercise is None:
-            return PullTaker(self, task_threshold), None
-        task_threshold = exercise.limits.get("maximum_force_N", task_threshold)
-        taker = PullTaker(self, task_threshold, exercise.band)
-        return taker, trial_of(exercise, taker)
+            return PullTaker(self, task_threshold)
+        task_threshold = exercise.limit_of.get("maximum_force_N", task_threshold)
+        return PullTaker(self, task_threshold, exercise.goal.band)
 
     @property
     def _settings_changed(self) -> bool:

@@ -1,10 +1,8 @@
 """A run in progress: its inputs, its measures and its exercise, tick by tick."""
 
 from collections.abc import Callable
-from typing import Protocol
 
-import msgspec
-
+from app.simulation.attempt import Attempt, Taker
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.errors import Incident
 from app.simulation.exercise import (
@@ -17,39 +15,16 @@ from app.simulation.exercise import (
 from app.simulation.inputs import MOST_INPUTS, MOST_TICKS, InputKind, InputLog
 from app.simulation.metrics import Metrics, metrics_of
 from app.simulation.run_file import OrganIdentity, RunFile, RunLog, RunStart
-from app.simulation.trial import Trial
 from app.versions import versions
 from physics import Theory
 
-__all__ = ["Run", "Taker"]
-
-
-class Taker(Protocol):
-    """What takes a run's measures."""
-
-    ticks: int
-
-    def start(self) -> None:
-        """Start with the first input."""
-        ...
-
-    def take(self, *, moved: bool) -> None:
-        """Take one tick, in which something moved or all stood still."""
-        ...
-
-    def measures(self) -> msgspec.Struct:
-        """Return the measures so far."""
-        ...
-
-    def incidents(self) -> list[Incident]:
-        """Return the errors that were made so far."""
-        ...
+__all__ = ["Run"]
 
 
 class Run:
     """A run: it starts with the first input and is over with the tear or the exercise.
 
-    `taker` has taken a tick's measures before the tick is counted here; `trial` judges the
+    `taker` has taken a tick's measures before the tick is counted here; `attempt` judges the
     exercise, if there is one.
     """
 
@@ -59,11 +34,11 @@ class Run:
         exercise: Exercise | None = None,
         feedback: Feedback = Feedback.CONTINUOUS,
         exercise_inputs: ExerciseInputs = "any",
-        trial: Trial | None = None,
+        attempt: Attempt | None = None,
     ) -> None:
         self.exercise, self.feedback = exercise, feedback
         self.exercise_inputs: ExerciseInputs = exercise_inputs
-        self._taker, self._trial = taker, trial
+        self._taker, self._attempt = taker, attempt
         self._start: Callable[[], RunStart] | None = None
         self._over = False
         self._log = InputLog()
@@ -101,17 +76,17 @@ class Run:
     @property
     def progress(self) -> float:
         """Progress of the exercise, 0 to 1; 0 without one."""
-        return 0.0 if self._trial is None else self._trial.progress
+        return 0.0 if self._attempt is None else self._attempt.progress
 
     @property
     def standing(self) -> str:
         """What to do now in the exercise, in a few words; empty without one, or once it is over."""
-        return "" if self._trial is None or self._over else self._trial.standing
+        return "" if self._attempt is None or self._over else self._attempt.standing
 
     @property
     def outcome(self) -> Outcome | None:
         """How the exercise has ended, or None."""
-        return None if self._trial is None else self._trial.outcome
+        return None if self._attempt is None else self._attempt.outcome
 
     @property
     def feedback_visible(self) -> bool:
@@ -142,8 +117,8 @@ class Run:
 
     def end_tick(self, *, torn: bool) -> None:
         """Judge a tick whose measures are taken; a tear, the exercise's end or time end the run."""
-        if self._trial is not None:
-            self._trial.take()
+        if self._attempt is not None:
+            self._attempt.take()
         if torn or self.outcome is not None or self.ticks >= MOST_TICKS:
             self._over = True
 
@@ -153,7 +128,7 @@ class Run:
 
     def incidents(self) -> list[Incident]:
         """Return the errors that were made so far, in order; none before the start."""
-        return self._taker.incidents() if self.started else []
+        return self._taker.errors.all() if self.started else []
 
     def file(self, organ: OrganIdentity, seed: int) -> RunFile:
         """Return the run so far; a `ValueError` before the start."""

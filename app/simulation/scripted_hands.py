@@ -1,157 +1,227 @@
-"""Scripted hands at a duct in its bed: an exercise done well, hastily or clumsily, always the same.
+"""Scripted hands: an exercise done well, hastily or clumsily, always the same.
 
-A script is a generator that gives the hands their next inputs each time a tick is due. The good
-hands are careful and steady, and no surgeon's.
+A technique is what hands do, with numbers for how they do it. It gives a session its inputs each
+time a tick is due. Good hands are careful and steady, and no surgeon's.
+
+The hand of a free duct moves to the middle of the goal's band by a reach of minimum jerk (Flash and
+Hogan 1985, J Neurosci 5:1688),
+    x(t) = x0 + (x1 - x0) (10 s^3 - 15 s^4 + 6 s^5),   s = t / T,
+stays as long as the exercise asks for, and moves on to what it asks for next until it is over.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.exercise import BedExercise, BedExerciseName
-from app.simulation.inputs import Instrument
-from app.simulation.reading import Vector
-from app.simulation.spatial_tissue import JAW_RADIUS, SpatialTissue
+from app.simulation.exercise import Exercise, FreeLength, Stay
+from app.simulation.grasper import HAND_SPEED
+from app.simulation.session import Session
+from app.simulation.spatial_tissue import JAW_RADIUS
 
-__all__ = ["MANNERS", "BedManner", "Hands", "script"]
-
-Floats = NDArray[np.float64]
+__all__ = ["CAREFUL", "MANNERS", "Follow", "Lift", "Reach", "Spread", "Technique", "perform"]
 
 STEP_MM = 2.0
 """How far the front is to move before a good hand takes hold again."""
 REST_SECONDS = 0.3
 MOST_MM = 25.0
 """How far a hand lifts at most."""
+# s of staying beyond what the exercise asks for.
+SPARE_SECONDS = 0.5
+LOST_SECONDS = 0.3
+"""s for which a lost duct is not held."""
+# Peak speed of a reach of minimum jerk over its mean speed: 15/8.
+PEAK_SPEED = 1.875
+
+
+class Technique(Protocol):
+    """What a pair of hands does."""
+
+    def inputs(self, session: Session, exercise: Exercise) -> Iterator[None]:
+        """Give the inputs of an exercise that was started; yields when a tick is due."""
+        ...
+
+
+def perform(session: Session, technique: Technique) -> None:
+    """Do the exercise that was started, until it is over or the hands are done."""
+    exercise = session.run.exercise
+    if exercise is None:
+        raise ValueError("scripted hands do an exercise: start one")
+    for _ in technique.inputs(session, exercise):
+        session.advance()
+        if session.run.over:
+            return
 
 
 @dataclass(frozen=True, slots=True)
-class BedManner:
-    """How a pair of hands works."""
+class Lift:
+    """Takes hold in the middle of what is to be freed and pulls it off."""
 
-    speed: float = 5.0  # mm/s of pulls and of jaws that open
-    behind: float = 0.0  # how far behind the front the hook takes hold, mm
-    lean: float = 0.0  # of pulls off straight up, rad
-    held: float = 0.0  # how high the duct is held up while jaws open, in gaps of its bed
-    pulls: bool = False  # lifts the duct off instead of passing behind it
+    speed: float = 5.0  # mm/s
+    lean: float = 0.0  # off straight up, rad
 
-
-MANNERS: dict[BedExerciseName, dict[str, BedManner]] = {
-    "window": {
-        "good": BedManner(),
-        "hasty": BedManner(speed=40.0, pulls=True),
-        "clumsy": BedManner(held=1.0),
-    },
-    "follow_front": {
-        "good": BedManner(),
-        "hasty": BedManner(speed=40.0),
-        "clumsy": BedManner(behind=5.0),
-        "sideways": BedManner(lean=math.radians(45.0)),
-    },
-    "free_scar": {
-        "good": BedManner(held=1.0),
-        "hasty": BedManner(speed=20.0),
-        "clumsy": BedManner(held=8.0 / 3.0),
-    },
-}
-"""Good hands and others, for each exercise."""
+    def inputs(self, session: Session, exercise: Exercise) -> Iterator[None]:
+        """Pull."""
+        yield from _lift(session, _middle(exercise), MOST_MM, self.speed, self.lean)
 
 
-class Hands(Protocol):
-    """What a script acts on: a session, or its duct alone."""
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Passes a closed dissector behind the duct and opens it."""
 
-    def choose_instrument(self, hand: int, instrument: Instrument) -> None:
-        """Take an instrument."""
-        ...
+    speed: float = 5.0  # mm/s of a jaw
+    held: float = 0.0  # how high the duct is held up meanwhile, in gaps of its bed
+    beside: bool = False  # starts beside what is to be freed, not in its middle
 
-    def grab(self, hand: int, station: float) -> Floats | Vector | None:
-        """Take hold."""
-        ...
-
-    def move_hand(self, hand: int, place: Floats) -> None:
-        """Lead a hand."""
-        ...
-
-    def release(self, hand: int) -> object:
-        """Let go."""
-        ...
-
-    def open_jaws(self, hand: int, opening: float) -> None:
-        """Open jaws."""
-        ...
-
-
-def script(
-    hands: Hands, duct: SpatialTissue, exercise: BedExercise, manner: BedManner
-) -> Iterator[None]:
-    """Give the inputs of an exercise; yields when a tick is due."""
-    middle = 0.5 * (exercise.from_mm + exercise.to_mm)
-    if exercise.name == "follow_front":
-        yield from _follow(hands, duct, exercise, manner)
-    elif manner.pulls:
-        yield from _lift(hands, 0, middle, MOST_MM, manner)
-    else:
-        if manner.held > 0.0:
-            yield from _lift(hands, 0, middle, manner.held * duct.gap_mm, manner)
+    def inputs(self, session: Session, exercise: Exercise) -> Iterator[None]:
+        """Hold up, pass behind, open."""
+        duct, middle = session.spatial, _middle(exercise)
+        if self.held > 0.0:
+            yield from _lift(session, middle, self.held * duct.gap_mm, self.speed)
         # Opening jaws part what is beside the closed ones and the strands that lean over them: all
         # of a scar, if they start beside it.
-        beside = 2.0 * JAW_RADIUS + 0.5 * duct.gap_mm
-        place = exercise.from_mm - beside if exercise.name == "free_scar" else middle
-        yield from _spread(hands, duct, place, manner)
+        aside = 2.0 * JAW_RADIUS + 0.5 * duct.gap_mm
+        session.choose_instrument(1, "dissector")
+        start = duct.hands[1].place.copy()
+        start[0] = _goal(exercise).from_mm - aside if self.beside else middle
+        session.move_hand(1, start)
+        behind = start.copy()
+        for passed in _steps(-2.0 * start[1], 20.0):
+            behind[1] = start[1] + passed
+            session.move_hand(1, behind.copy())
+            yield
+        yield from _rest()
+        for opened in _steps(2.0 * MOST_MM, 2.0 * self.speed):
+            session.open_jaws(1, opened)
+            yield
+
+
+@dataclass(frozen=True, slots=True)
+class Follow:
+    """Lifts at the front of a divided duct until it has moved on, and takes hold again there."""
+
+    speed: float = 5.0  # mm/s
+    behind: float = 0.0  # how far behind the front the hook takes hold, mm
+    lean: float = 0.0  # of pulls off straight up, rad
+
+    def inputs(self, session: Session, exercise: Exercise) -> Iterator[None]:
+        """Lift and take hold again, without end."""
+        while True:
+            front = _front(session, exercise)
+            for _ in _lift(session, front + self.behind, MOST_MM, self.speed, self.lean):
+                yield
+                if front - _front(session, exercise) >= STEP_MM:
+                    break
+            session.release(0)
+            yield from _rest()
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Leads a free duct to its goal, as often as the exercise asks for."""
+
+    seconds: float  # s of a reach
+    overshoot: float = 0.0  # of an outward reach before it is corrected, over the goal
+    # amplitude over the goal, and Hz, of each of its own oscillations
+    sway: tuple[tuple[float, float], ...] = ()
+    loses_after: float = math.inf  # s of holding after which the duct slips away, each time
+
+    def inputs(self, session: Session, exercise: Exercise) -> Iterator[None]:
+        """Reach, stay, and lead back where that is asked for."""
+        band, goal = session.goal, exercise.goal
+        if band is None or not isinstance(goal, Stay):
+            raise ValueError(f"a hand that reaches does an exercise with a band, not {goal}")
+        middle, stay = 0.5 * sum(band), goal.seconds + SPARE_SECONDS
+        stops = [(middle, stay)]
+        if goal.return_below is not None:
+            stops.append((0.0, SPARE_SECONDS))
+        session.grab(0, session.task_grasp)
+        held, wanted = 0.0, 0.0
+        for to, seconds in cycle(stops):
+            for reached in self._reach(wanted, to, seconds):
+                held += TICK_SECONDS
+                if held > self.loses_after:
+                    session.release()
+                    for _ in range(round(LOST_SECONDS / TICK_SECONDS)):
+                        yield
+                    session.grab(0, session.task_grasp)
+                    held = 0.0
+                angle = 2.0 * math.pi * session.run.seconds
+                off = sum(part * math.sin(angle * rate) for part, rate in self.sway)
+                session.lift(reached + off * middle)
+                yield
+            wanted = to
+
+    def _reach(self, start: float, goal: float, stay: float) -> list[float]:
+        """Return the deflections of a reach by tick, mm: out, any correction, and the stay."""
+        past = goal + self.overshoot * max(goal - start, 0.0)
+        back = self.seconds if past > goal else 0.0
+        out = _minimum_jerk(start, past, self.seconds)
+        return out + _minimum_jerk(past, goal, back) + [goal] * round(stay / TICK_SECONDS)
+
+
+CAREFUL = Reach(5.0, 0.0, ((0.004, 9.0),))
+"""Slow, with the tremor that every hand has, of 8 to 12 Hz."""
+HASTY = Reach(0.3, 0.4, ((0.01, 9.0),))
+"""As quick as a hand can be; it corrects its overshoot a reaction time late."""
+CLUMSY = Reach(1.2, 0.1, ((0.2, 0.7), (0.15, 1.9)), 4.0)
+"""Neither quick nor steady; it loses the duct every few seconds."""
+REACHES: dict[str, Technique] = {"good": CAREFUL, "hasty": HASTY, "clumsy": CLUMSY}
+
+MANNERS: dict[str, dict[str, Technique]] = {
+    "window": {"good": Spread(), "hasty": Lift(speed=40.0), "clumsy": Spread(held=1.0)},
+    "follow_front": {
+        "good": Follow(),
+        "hasty": Follow(speed=40.0),
+        "clumsy": Follow(behind=5.0),
+        "sideways": Follow(lean=math.radians(45.0)),
+    },
+    "free_scar": {
+        "good": Spread(held=1.0, beside=True),
+        "hasty": Spread(speed=20.0, beside=True),
+        "clumsy": Spread(held=8.0 / 3.0, beside=True),
+    },
+    "hold_stretch": REACHES,
+    "approach_break": REACHES,
+    "gentle_lifts": REACHES,
+}
+"""Good hands and others, by the name of the exercise."""
 
 
 def _lift(
-    hands: Hands, hand: int, station: float, height: float, manner: BedManner
+    session: Session, station: float, height: float, speed: float, lean: float = 0.0
 ) -> Iterator[None]:
-    """Take hold and pull to a height, mm."""
-    start = hands.grab(hand, station)
+    """Take hold with the first hand and pull to a height, mm."""
+    start = session.grab(0, station)
     if start is None:
         return
-    leant = np.array([0.0, math.sin(manner.lean), math.cos(manner.lean)])
-    for lifted in _steps(height, manner.speed):
-        hands.move_hand(hand, np.array(start) + lifted * leant)
+    up = np.array([0.0, math.sin(lean), math.cos(lean)])
+    for lifted in _steps(height, speed):
+        session.move_hand(0, np.array(start) + lifted * up)
         yield
 
 
-def _spread(hands: Hands, duct: SpatialTissue, station: float, manner: BedManner) -> Iterator[None]:
-    """Pass a closed dissector behind the duct and open it."""
-    hands.choose_instrument(1, "dissector")
-    start = duct.hands[1].place.copy()
-    start[0] = station
-    hands.move_hand(1, start)
-    behind = start.copy()
-    for passed in _steps(-2.0 * start[1], 20.0):
-        behind[1] = start[1] + passed
-        hands.move_hand(1, behind.copy())
-        yield
-    yield from _rest()
-    for opened in _steps(2.0 * MOST_MM, 2.0 * manner.speed):
-        hands.open_jaws(1, opened)
-        yield
+def _goal(exercise: Exercise) -> FreeLength:
+    goal = exercise.goal
+    if not isinstance(goal, FreeLength):
+        raise ValueError(f"these hands free a length of duct, which {exercise.title} does not ask")
+    return goal
 
 
-def _follow(
-    hands: Hands, duct: SpatialTissue, exercise: BedExercise, manner: BedManner
-) -> Iterator[None]:
-    """Lift at the front of a divided duct until it has moved on, and take hold again there."""
-    while True:
-        front = _front(duct, exercise)
-        for _ in _lift(hands, 0, front + manner.behind, MOST_MM, manner):
-            yield
-            if front - _front(duct, exercise) >= STEP_MM:
-                break
-        hands.release(0)
-        yield from _rest()
+def _middle(exercise: Exercise) -> float:
+    goal = _goal(exercise)
+    return 0.5 * (goal.from_mm + goal.to_mm)
 
 
-def _front(duct: SpatialTissue, exercise: BedExercise) -> float:
+def _front(session: Session, exercise: Exercise) -> float:
     """Return where the bed begins before what was open, mm."""
     # A strand left behind does not count as the front.
-    return exercise.to_mm - exercise.freed(duct.freed_stretches())
+    goal = _goal(exercise)
+    return goal.to_mm - goal.freed(session.spatial.freed_stretches())
 
 
 def _steps(way: float, speed: float) -> list[float]:
@@ -163,3 +233,12 @@ def _steps(way: float, speed: float) -> list[float]:
 def _rest() -> Iterator[None]:
     for _ in range(round(REST_SECONDS / TICK_SECONDS)):
         yield
+
+
+def _minimum_jerk(start: float, goal: float, seconds: float) -> list[float]:
+    """Return a reach of minimum jerk tick by tick, never faster than `HAND_SPEED`."""
+    # Long enough for the peak speed to stay below that of a hand.
+    least = PEAK_SPEED * abs(goal - start) / HAND_SPEED if seconds > 0.0 else 0.0
+    ticks = math.ceil(max(seconds, least) / TICK_SECONDS - 1e-9)
+    parts = [tick / ticks for tick in range(1, ticks + 1)]
+    return [start + (goal - start) * s**3 * (10.0 - 15.0 * s + 6.0 * s * s) for s in parts]

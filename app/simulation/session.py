@@ -19,19 +19,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from app.simulation.attempt import Attempt
 from app.simulation.bed_preset import BedPreset, bed_named
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.dissection import default_preset, fits
 from app.simulation.drawn_duct import DrawnDuct
-from app.simulation.exercise import (
-    BedExercise,
-    Exercise,
-    ExerciseInputs,
-    Feedback,
-    exercises_for,
-)
-from app.simulation.exercise_limits import bed_exercises
-from app.simulation.grasped_beam import BeamModel
+from app.simulation.exercise import Exercise, ExerciseInputs, Feedback
+from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.inputs import INSTRUMENTS, Input, InputKind, Instrument, TheoryChoice
 from app.simulation.metrics import Metrics
 from app.simulation.planar_tissue import PlanarTissue
@@ -144,9 +138,8 @@ class Session:
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Give a hand another instrument; what it held it lets go."""
         with self._lock:
-            exercise = None if self.run.over else self.bed_exercise
             # An exercise that waits or goes on may allow only some.
-            if instrument in (INSTRUMENTS if exercise is None else exercise.instruments):
+            if instrument in self.instruments:
                 self._act(hand, "instrument", INSTRUMENTS.index(instrument))
 
     def grab(self, hand: int, station: float) -> Vector | None:
@@ -378,10 +371,10 @@ class Session:
     # Exercises and runs.
 
     @property
-    def bed_exercise(self) -> BedExercise | None:
-        """The exercise of the present run, if it is one of freeing a stretch."""
-        found = self.run.exercise
-        return found if isinstance(found, BedExercise) else None
+    def instruments(self) -> tuple[Instrument, ...]:
+        """The instruments that may be taken now."""
+        exercise = None if self.run.over else self.run.exercise
+        return INSTRUMENTS if exercise is None else exercise.instruments
 
     @property
     def task_grasp(self) -> float:
@@ -396,18 +389,14 @@ class Session:
         """
         with self._lock:
             run = self.run
-            return None if run.exercise is None or run.over else self.planar.goal_of(run.exercise)
+            if run.exercise is None or run.over or run.exercise.opening is not None:
+                return None
+            return self.planar.goal_of(run.exercise)
 
-    def exercises_offered(self) -> tuple[Exercise, ...]:
-        """Return the exercises for this specimen: a second's work the first time in a bed."""
-        specimen, tissue = self.specimen, self.tissue
-        if specimen.bed is not None:
-            return bed_exercises(replace(specimen, threshold_MPa=tissue.threshold))
-        if specimen.theory is None:
-            return ()
+    def task_beam(self) -> GraspedBeam:
+        """Return the beam that exercises of a duct in a plane are scaled for."""
         with self._lock:
-            beam = self.planar.task_beam()
-        return exercises_for(beam)
+            return self.planar.task_beam()
 
     def start_exercise(
         self,
@@ -432,16 +421,16 @@ class Session:
 
     def _take_bed_of(self, exercise: Exercise) -> None:
         """Put the duct into an exercise's bed, if it is in another."""
-        specimen = self.specimen
-        if isinstance(exercise, BedExercise):
-            bed = bed_named(exercise.bed) if isinstance(exercise.bed, str) else exercise.bed
-            if (specimen.bed, specimen.bed_seed) != (bed, exercise.bed_seed):
+        specimen, opening = self.specimen, exercise.opening
+        if opening is not None:
+            bed = bed_named(opening.bed) if isinstance(opening.bed, str) else opening.bed
+            if (specimen.bed, specimen.bed_seed) != (bed, opening.bed_seed):
                 threshold = self.tissue.threshold if specimen.theory is None else None
                 self.choose(
                     replace(
                         specimen,
                         bed=bed,
-                        bed_seed=exercise.bed_seed,
+                        bed_seed=opening.bed_seed,
                         theory=None,
                         threshold_MPa=threshold,
                     )
@@ -510,11 +499,8 @@ class Session:
                 raise RunFileError(
                     f"seed {start.bed_seed} gives other strands here than where the run was made"
                 )
-            asked = log.exercise
-            if isinstance(asked, BedExercise) and (asked.bed, asked.bed_seed) != (
-                bed,
-                start.bed_seed,
-            ):
+            opening = None if log.exercise is None else log.exercise.opening
+            if opening is not None and (opening.bed, opening.bed_seed) != (bed, start.bed_seed):
                 raise RunFileError("the run's exercise is of another bed than the run")
         return session
 
@@ -597,8 +583,9 @@ class Session:
         feedback: Feedback = Feedback.CONTINUOUS,
         inputs: ExerciseInputs = "any",
     ) -> None:
-        self._taker, trial = self.tissue.judged(exercise)
-        self.run = Run(self._taker, exercise, feedback, inputs, trial)
+        self._taker = self.tissue.taker(exercise)
+        attempt = None if exercise is None else Attempt(exercise, self._taker)
+        self.run = Run(self._taker, exercise, feedback, inputs, attempt)
 
     def _begin_run(self) -> bool:
         """Start the run with the first input, on a tissue that nothing has touched before."""

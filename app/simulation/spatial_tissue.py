@@ -14,23 +14,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from app.simulation.attempt import Taker
 from app.simulation.bed_preset import BedPreset, named_or_whole
-from app.simulation.bed_trial import BedTrial
 from app.simulation.bedded_surface import BeddedSurface
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
 from app.simulation.dissection_measures import DissectionMeasureTaker
 from app.simulation.drawn_duct import DrawnDuct
-from app.simulation.exercise import BedExercise, Exercise
+from app.simulation.exercise import Exercise
 from app.simulation.hand import Hand
 from app.simulation.inputs import HOLDING, INSTRUMENTS, InputKind, Instrument
 from app.simulation.reading import Reading, Vector
-from app.simulation.run import Taker
 from app.simulation.run_file import ELEMENTS, HANDS, SUBSTEPS, RunStart, strands_digest
 from app.simulation.specimen import Specimen
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.tissue import Applied
-from app.simulation.trial import Trial
 from kernel_cache import njit
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, Strands
@@ -126,9 +124,9 @@ class SpatialTissue:
 
     def prepare(self, exercise: Exercise | None) -> None:
         """Make all whole and let go, as an exercise begins, or without one."""
-        task = exercise if isinstance(exercise, BedExercise) else None
-        self._opened = None if task is None else task.opened_mm
-        self.divided = task is not None and task.divided
+        opening = None if exercise is None else exercise.opening
+        self._opened = None if opening is None else opening.opened_mm
+        self.divided = opening is not None and opening.divided
         self._make_whole()
 
     def renew(self) -> list[tuple[int, Applied]]:
@@ -476,11 +474,9 @@ class SpatialTissue:
             tips_mm=tips,
         )
 
-    def judged(self, exercise: Exercise | None) -> tuple[Taker, Trial | None]:
-        """Return what takes the measures of a run, and what judges its exercise."""
-        task = exercise if isinstance(exercise, BedExercise) else None
-        taker = DissectionMeasureTaker(self, task, broken_by_touch=self._broken_by_touch)
-        return taker, None if task is None else BedTrial(task, taker)
+    def taker(self, exercise: Exercise | None) -> Taker:
+        """Return what takes the measures of a run, and finds its errors."""
+        return DissectionMeasureTaker(self, exercise, broken_by_touch=self._broken_by_touch)
 
     def put_hands(self, tips: Sequence[Sequence[float]]) -> None:
         """Put the hands' tips somewhere at once, (HANDS, 3) mm, before a run begins."""

@@ -6,15 +6,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from app.simulation.attempt import Taker
 from app.simulation.dissection import Dissection
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
 from app.simulation.inputs import InputKind
 from app.simulation.reading import Reading, Vector
-from app.simulation.run import Taker
 from app.simulation.run_file import RunStart
 from app.simulation.specimen import Specimen
-from app.simulation.trial import Trial
 from physics import RuptureCheck
 
 __all__ = ["Applied", "Tissue"]
@@ -104,6 +103,6 @@ class Tissue(Protocol):
         """Return what makes the start of a run that begins now."""
         ...
 
-    def judged(self, exercise: Exercise | None) -> tuple[Taker, Trial | None]:
-        """Return what takes the measures of a run, and what judges its exercise."""
+    def taker(self, exercise: Exercise | None) -> Taker:
+        """Return what takes the measures of a run, and finds its errors."""
         ...

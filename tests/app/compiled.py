@@ -7,7 +7,7 @@ import viser
 from numba.core.dispatcher import Dispatcher
 from simulated import bed_session, phantom, pull_session, settle, tear
 
-from app.simulation import INSTRUMENTS, Session
+from app.simulation import INSTRUMENTS, Session, exercises_offered
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.server.warm_up import WarmUp, warm_session
 from app.trainer.stage.appearance import appearance_of
@@ -52,7 +52,7 @@ def draw(scene: viser.SceneApi, session: Session) -> None:
 def train(scene: viser.SceneApi, session: Session) -> None:
     """Do what a trainee can."""
     session.show_chain(True)
-    session.exercises_offered()
+    exercises_offered(session)
     session.grab(0, 20.0)
     session.lift(0.2 * session.planar.deflection_limit)
     settle(session)

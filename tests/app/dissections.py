@@ -12,7 +12,8 @@ import viser
 from browser import close_browser, new_context, running_browser
 from simulated import bed_exercises, bed_session, phantom
 
-from app.simulation import BedManner, Session, script
+from app.simulation import Session
+from app.simulation.scripted_hands import Follow
 from app.trainer.scene.bed_scene import BedScene, Colours
 from app.trainer.stage.lighting import Look
 
@@ -86,7 +87,7 @@ def followed(session: Session) -> None:
     session.choose_bed("firm")
     exercise = next(e for e in bed_exercises(session) if e.name == "follow_front")
     session.start_exercise(exercise)
-    for _ in zip(range(240), script(session, session.spatial, exercise, BedManner()), strict=False):
+    for _ in zip(range(240), Follow().inputs(session, exercise), strict=False):
         session.advance()
 
 

@@ -9,6 +9,7 @@ from simulated import phantom
 
 from app.simulation import (
     ERROR_CLASSES,
+    EXERCISES,
     MODES,
     Conditions,
     ErrorClass,
@@ -17,7 +18,6 @@ from app.simulation import (
     default_preset,
 )
 from app.simulation.errors import CLOSED_AFTER
-from app.simulation.exercise_limits import FAILING
 
 HEAD = """\
 # Errors
@@ -38,10 +38,10 @@ The consequence is measured, up to 1 s after the incident: *near miss*, the stre
 exercise's limit or the break was nearer than a reaction time; *minor*, strands parted out of
 sight; *injury*, the duct tore.
 
-An exercise names the classes that fail it, with the most incidents that do not; a teacher's
-exercise file may change them (`[errors]`, [class](class.md)). Where a limit fails it, the verdict
-names the incident of the last second that stands first in the table below. In the trainer's own
-exercises no incident is allowed of these:
+An exercise, of a free duct too, names the classes that fail it, with the most incidents that do
+not; a teacher's exercise file may change them (`[errors]`, [class](class.md)). Where a limit fails
+it, the verdict names the incident of the last second that stands first in the table below. In the
+trainer's own exercises no incident is allowed of these:
 
 | exercise | classes that fail it |
 |---|---|
@@ -85,7 +85,8 @@ def page() -> str:
         specimen.bed.yield_mm, specimen.bed.part_mm, float(beam.radius.mean()), None, None
     )
     failing = "\n".join(
-        f"| {name.replace('_', ' ')} | {', '.join(keys)} |" for name, keys in FAILING.items()
+        f"| {name.replace('_', ' ')} | {', '.join(kind.errors)} |"
+        for name, kind in EXERCISES.items()
     )
     return (
         HEAD.format(closed=CLOSED_AFTER, failing=failing)

@@ -8,7 +8,7 @@ name and prints who passes and what is found; --beds and --seeds choose where.
 import argparse
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
@@ -18,53 +18,47 @@ import numpy as np
 from simulated import phantom
 
 from app.simulation import (
+    FEW,
     JAW_RADIUS,
     MANNERS,
     TICK_SECONDS,
-    BedExercise,
-    BedManner,
-    Instrument,
+    Exercise,
+    FreeLength,
+    Incident,
     Outcome,
+    Session,
     SpatialTissue,
-    Specimen,
     bed_named,
-    default_preset,
-    script,
+    exercises_offered,
+    specimen_in_bed,
 )
-from app.simulation.bed_trial import BedTrial
-from app.simulation.dissection_measures import DissectionMeasureTaker
-from app.simulation.errors import Incident
-from app.simulation.exercise_limits import bed_exercises
+from app.simulation.scripted_hands import Follow, Spread
 
 Floats = np.ndarray
-Make = Callable[["Hands", BedExercise, float], Iterator[None]]
+Make = Callable[["Hands", Exercise, float], Iterator[None]]
 MOST_TICKS = 30 * 30
 """Ticks of a fault at most."""
 
 
-class Hands:
-    """A duct's hands, which tremble about where they are led: an AR(1) noise of about 8 Hz."""
+class Hands(Session):
+    """A session whose hands tremble about where they are led: an AR(1) noise of about 8 Hz."""
 
-    def __init__(self, duct: SpatialTissue, tremor: float, seed: int) -> None:
-        self.duct, self.tremor = duct, tremor
+    tremor = 0.0  # mm
+
+    def tremble(self, tremor: float, seed: int) -> None:
+        self.tremor = tremor
         self._noise, self._rng = np.zeros((2, 3)), np.random.default_rng(seed)
 
-    def choose_instrument(self, hand: int, instrument: Instrument) -> None:
-        self.duct.choose_instrument(hand, instrument)
+    @property
+    def duct(self) -> SpatialTissue:
+        return self.spatial
 
-    def grab(self, hand: int, station: float) -> Floats | None:
-        return self.duct.grab(hand, station)
-
-    def release(self, hand: int) -> object:
-        return self.duct.release(hand)
-
-    def open_jaws(self, hand: int, opening: float) -> None:
-        self.duct.open_jaws(hand, opening)
-
-    def move_hand(self, hand: int, place: Floats) -> None:
-        spread = math.sqrt(1.0 - 0.2**2) * self.tremor
-        self._noise[hand] = 0.2 * self._noise[hand] + self._rng.normal(0.0, 1.0, 3) * spread
-        self.duct.move_hand(hand, np.asarray(place) + self._noise[hand])
+    def move_hand(self, hand: int, place: Sequence[float] | Floats) -> None:
+        if self.tremor > 0.0:
+            spread = math.sqrt(1.0 - 0.2**2) * self.tremor
+            self._noise[hand] = 0.2 * self._noise[hand] + self._rng.normal(0.0, 1.0, 3) * spread
+            place = np.asarray(place) + self._noise[hand]
+        super().move_hand(hand, place)
 
 
 def steps(way: float, speed: float) -> Iterator[float]:
@@ -111,12 +105,17 @@ def lift(hands: Hands, way: Floats, speed: float, hand: int = 0) -> Iterator[Non
     yield from go(hands, hand, hands.duct.hands[hand].target + way, speed)
 
 
-def middle(exercise: BedExercise) -> float:
-    return 0.5 * (exercise.from_mm + exercise.to_mm)
+def goal(exercise: Exercise) -> FreeLength:
+    assert isinstance(exercise.goal, FreeLength)
+    return exercise.goal
 
 
-def front(hands: Hands, exercise: BedExercise) -> float:
-    return exercise.to_mm - exercise.freed(hands.duct.freed_stretches())
+def middle(exercise: Exercise) -> float:
+    return 0.5 * (goal(exercise).from_mm + goal(exercise).to_mm)
+
+
+def front(hands: Hands, exercise: Exercise) -> float:
+    return goal(exercise).to_mm - goal(exercise).freed(hands.duct.freed_stretches())
 
 
 # Window
@@ -125,7 +124,7 @@ def front(hands: Hands, exercise: BedExercise) -> float:
 def plough(fly: float = 0.0) -> Make:
     """Plough lengthwise with jaws that stay open by `fly` mm."""
 
-    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         yield from behind(hands, middle(exercise) - 10.0)
         yield from opened(hands, fly, 10.0)
         yield from lift(hands, np.array([22.0, 0.0, 0.0]), speed, 1)
@@ -136,7 +135,7 @@ def plough(fly: float = 0.0) -> Make:
 def stir(height: float = 0.0) -> Make:
     """Sweep the closed jaws to and fro."""
 
-    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         yield from behind(hands, middle(exercise))
         for _ in range(12):
             yield from lift(hands, np.array([6.0, 0.0, height]), speed, 1)
@@ -146,7 +145,7 @@ def stir(height: float = 0.0) -> Make:
     return make
 
 
-def stir_deep(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def stir_deep(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Sweep the closed jaws in and out while they go along."""
     yield from behind(hands, middle(exercise) - 7.0)
     for _ in range(7):
@@ -154,14 +153,14 @@ def stir_deep(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[Non
         yield from lift(hands, np.array([0.0, 14.0, 0.0]), speed, 1)
 
 
-def jump(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def jump(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Throw the jaws open."""
     yield from behind(hands, middle(exercise))
     yield from opened(hands, 40.0, speed)
     yield from wait(1.0)
 
 
-def jump_in_steps(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def jump_in_steps(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Open the jaws in jumps with rests between."""
     yield from behind(hands, middle(exercise))
     for _ in range(4):
@@ -172,7 +171,7 @@ def jump_in_steps(hands: Hands, exercise: BedExercise, speed: float) -> Iterator
         yield from wait(0.5)
 
 
-def open_and_drag(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def open_and_drag(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Open the jaws slowly while they are dragged along faster."""
     yield from behind(hands, middle(exercise) - 10.0)
     start = hands.duct.hands[1].target.copy()
@@ -182,19 +181,19 @@ def open_and_drag(hands: Hands, exercise: BedExercise, speed: float) -> Iterator
         yield
 
 
-def stab(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def stab(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Stab in behind the duct, then open as one should."""
     yield from behind(hands, middle(exercise), speed)
     yield from opened(hands, 40.0, 10.0)
 
 
-def stab_and_jump(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def stab_and_jump(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     yield from behind(hands, middle(exercise), speed)
     yield from opened(hands, 40.0, speed)
     yield from wait(1.0)
 
 
-def stab_aslant(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def stab_aslant(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Stab in aslant and plough with it."""
     hands.choose_instrument(1, "dissector")
     start = hands.duct.hands[1].place.copy()
@@ -205,14 +204,14 @@ def stab_aslant(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[N
     yield from wait(0.5)
 
 
-def press(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def press(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Come up against the duct from behind."""
     yield from behind(hands, middle(exercise))
     yield from lift(hands, np.array([0.0, -8.0, 4.0]), speed, 1)
     yield from wait(1.0)
 
 
-def press_swab(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def press_swab(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Press a swab on the duct."""
     hands.choose_instrument(1, "swab")
     z = hands.duct.hands[1].place[2]
@@ -225,14 +224,14 @@ def press_swab(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[No
 def pull_off(lean: float = 0.0) -> Make:
     """Pull the duct off instead of passing behind it."""
 
-    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         hands.grab(0, middle(exercise))
         yield from lift(hands, 25.0 * np.array([0.0, math.sin(lean), math.cos(lean)]), speed)
 
     return make
 
 
-def hold_up(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def hold_up(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Hold the duct up before the jaws open, which they do not need."""
     hands.grab(0, middle(exercise))
     yield from lift(hands, np.array([0.0, 0.0, 5.0]), speed)
@@ -245,7 +244,7 @@ def hold_up(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]
 def hold_at(off: float) -> Make:
     """Take hold off the front by some mm, above zero behind it."""
 
-    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         for _ in range(12):
             at = front(hands, exercise)
             hands.grab(0, at + off)
@@ -262,7 +261,7 @@ def hold_at(off: float) -> Make:
 def long_pull(lean: float = 0.0, back: float = 0.0) -> Make:
     """Pull on in one go from the front, leaning sideways or back over what is free."""
 
-    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         hands.grab(0, front(hands, exercise))
         way = np.array([back, math.sin(lean), math.cos(lean)])
         yield from lift(hands, 30.0 * way, speed)
@@ -273,14 +272,13 @@ def long_pull(lean: float = 0.0, back: float = 0.0) -> Make:
 def lean(angle: float) -> Make:
     """Pull off straight up by an angle, holding again as one should."""
 
-    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
-        manner = BedManner(speed=speed, lean=math.radians(angle))
-        yield from script(hands, hands.duct, exercise, manner)
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        yield from Follow(speed=speed, lean=math.radians(angle)).inputs(hands, exercise)
 
     return make
 
 
-def jerk(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def jerk(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Jerk at the front and go down again."""
     for _ in range(8):
         hands.grab(0, front(hands, exercise))
@@ -290,7 +288,7 @@ def jerk(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
         yield from wait(0.2)
 
 
-def nibble(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def nibble(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Take hold again and again while pulling a little."""
     for _ in range(60):
         hands.grab(0, front(hands, exercise))
@@ -298,7 +296,7 @@ def nibble(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
         hands.release(0)
 
 
-def two_hooks(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def two_hooks(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Hold at the front with one hand and ahead of it with the other."""
     at = front(hands, exercise)
     hands.grab(0, at)
@@ -313,14 +311,14 @@ def two_hooks(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[Non
 # Free a scar
 
 
-def one_handed(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def one_handed(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Open the jaws behind a duct that nothing holds."""
-    yield from behind(hands, exercise.from_mm - 2.0 * JAW_RADIUS - 1.5)
+    yield from behind(hands, goal(exercise).from_mm - 2.0 * JAW_RADIUS - 1.5)
     yield from opened(hands, 40.0, speed)
     yield from wait(1.0)
 
 
-def too_high(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def too_high(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Hold the duct up higher than the jaws need."""
     hands.grab(0, middle(exercise))
     yield from lift(hands, np.array([0.0, 0.0, 8.0]), speed)
@@ -330,7 +328,7 @@ def too_high(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None
 def held_and(act: Make, height: float = 3.0) -> Make:
     """Hold the duct up as one should, and then do something."""
 
-    def make(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         hands.grab(0, middle(exercise))
         yield from lift(hands, np.array([0.0, 0.0, height]), 5.0)
         yield from act(hands, exercise, speed)
@@ -338,15 +336,15 @@ def held_and(act: Make, height: float = 3.0) -> Make:
     return make
 
 
-def beside_and_open(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
-    yield from behind(hands, exercise.from_mm - 2.0 * JAW_RADIUS - 1.5)
+def beside_and_open(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    yield from behind(hands, goal(exercise).from_mm - 2.0 * JAW_RADIUS - 1.5)
     yield from opened(hands, 40.0, speed)
     yield from wait(1.0)
 
 
-def drop(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def drop(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Let the duct down while the jaws open."""
-    yield from behind(hands, exercise.from_mm - 2.0 * JAW_RADIUS - 1.5)
+    yield from behind(hands, goal(exercise).from_mm - 2.0 * JAW_RADIUS - 1.5)
     start = hands.duct.hands[0].target.copy()
     for way in steps(40.0, 10.0):
         hands.open_jaws(1, way)
@@ -415,46 +413,49 @@ FAULTS = (
 
 
 @cache
-def exercises(bed: str) -> dict[str, BedExercise]:
-    """The exercises of a bed, by name."""
-    specimen = Specimen(default_preset(phantom()), phantom(), bed_named(bed))
-    return {each.name: each for each in bed_exercises(specimen)}
+def hands_in(bed: str) -> Hands:
+    return Hands(specimen_in_bed(phantom(), bed=bed_named(bed)), vertices=FEW)
 
 
 @cache
-def duct(bed: str, seed: int) -> SpatialTissue:
-    return SpatialTissue(
-        Specimen(default_preset(phantom()), phantom(), bed_named(bed), bed_seed=seed)
-    )
+def exercises(bed: str) -> dict[str, Exercise]:
+    """The exercises of a bed, by name."""
+    return {each.name: each for each in exercises_offered(hands_in(bed))}
+
+
+def in_bed(exercise: Exercise, seed: int) -> Exercise:
+    """An exercise in a bed of another seed."""
+    assert exercise.opening is not None
+    opening = msgspec.structs.replace(exercise.opening, bed_seed=seed)
+    return msgspec.structs.replace(exercise, opening=opening)
 
 
 def done(
-    exercise: BedExercise, seed: int, make: Make, speed: float, tremor: float = 0.0
+    exercise: Exercise, seed: int, make: Make, speed: float, tremor: float = 0.0
 ) -> tuple[Outcome, list[Incident]]:
     """Do an exercise in a bed of a seed."""
-    assert isinstance(exercise.bed, str)
-    specimen = duct(exercise.bed, seed)
-    wanted = msgspec.structs.replace(exercise, bed_seed=seed)
-    taker = DissectionMeasureTaker(specimen, wanted)
-    trial = BedTrial(wanted, taker)
-    specimen.prepare(wanted)
-    taker.start()
-    acts = make(Hands(specimen, tremor, seed), wanted, speed)
-    for _ in islice(acts, MOST_TICKS):
-        taker.take(moved=specimen.advance())
-        trial.take()
-        if trial.outcome is not None:
+    wanted = in_bed(exercise, seed)
+    assert wanted.opening is not None
+    assert isinstance(wanted.opening.bed, str)
+    hands = hands_in(wanted.opening.bed)
+    hands.tremble(tremor, seed)
+    hands.start_exercise(wanted)
+    for _ in islice(make(hands, wanted, speed), MOST_TICKS):
+        hands.advance()
+        if hands.run.over:
             break
-    end = trial.outcome or Outcome(False, f"The hands were done with {trial.standing}.")
-    return end, taker.incidents()
+    standing = hands.run.standing
+    end = hands.run.outcome or Outcome(False, f"The hands were done with {standing}.")
+    return end, hands.run.incidents()
 
 
-def good(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
+def good(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Do an exercise well, at a speed relative to the good hand's; jaws once more on both sides."""
-    manner = MANNERS[exercise.name]["good"]
-    manner = replace(manner, speed=speed * manner.speed)
-    yield from script(hands, hands.duct, exercise, manner)
-    if exercise.name == "follow_front":
+    technique = MANNERS[exercise.name]["good"]
+    assert isinstance(technique, Spread | Follow)
+    technique = replace(technique, speed=speed * technique.speed)
+    yield from technique.inputs(hands, exercise)
+    if isinstance(technique, Follow):
         return
     for beside in (-10.0, 10.0):
         for way in steps(40.0, 20.0):
@@ -466,7 +467,7 @@ def good(hands: Hands, exercise: BedExercise, speed: float) -> Iterator[None]:
         yield from go(hands, 1, out + aside, 20.0)
         yield from go(hands, 1, start + aside, 20.0)
         yield from wait(0.3)
-        yield from opened(hands, 40.0, 2.0 * manner.speed)
+        yield from opened(hands, 40.0, 2.0 * technique.speed)
 
 
 def main() -> None:

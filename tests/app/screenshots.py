@@ -16,7 +16,7 @@ from browser import (
 from playwright.sync_api import Browser, expect
 from simulated import bed_exercises, phantom
 
-from app.simulation import MANNERS, Feedback, script
+from app.simulation import MANNERS, Feedback, perform
 from app.trainer.server.trainer import Trainer
 
 WIDE, PHONE = (1440, 900), (390, 844)
@@ -52,12 +52,7 @@ def take_result(trainer: Trainer, browser: Browser, folder: Path) -> None:
         state = newest_dissection(trainer).state
         session = state.session
         state.start_exercise(bed_exercises(session)[0], Feedback.CONTINUOUS)
-        exercise = session.bed_exercise
-        assert exercise is not None
-        for _ in script(session, session.spatial, exercise, MANNERS[exercise.name]["good"]):
-            session.advance()
-            if session.run.over:
-                break
+        perform(session, MANNERS["window"]["good"])
         tab.page.get_by_test_id("outcome").wait_for()
         tab.page.get_by_role("tab", name="Over time").click()
         take(tab, folder / "trainer-result.jpg")

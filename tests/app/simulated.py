@@ -6,13 +6,14 @@ from app.command_line.load import shipped_organ
 from app.simulation import (
     TICKS_PER_SECOND,
     VERTICES,
-    BedExercise,
     BedPreset,
+    Exercise,
     Phase,
     Preset,
     Replay,
     RunFile,
     Session,
+    exercises_offered,
     free_specimen,
     specimen_in_bed,
 )
@@ -46,9 +47,9 @@ def bed_session(
     return Session(specimen, vertices=vertices, seed=seed)
 
 
-def bed_exercises(session: Session) -> list[BedExercise]:
+def bed_exercises(session: Session) -> list[Exercise]:
     """The exercises of a duct in a bed."""
-    return [each for each in session.exercises_offered() if isinstance(each, BedExercise)]
+    return [each for each in exercises_offered(session) if each.opening is not None]
 
 
 def replayed(run: RunFile, organ: Organ) -> RunFile:

@@ -1,20 +1,25 @@
 """Exercises in a bed: offered with limits from the duct and the bed, passed by good hands only."""
 
+from typing import Any
+
 import msgspec
 import pytest
 from simulated import bed_exercises, bed_session, phantom
 
 from app.simulation import (
     MANNERS,
-    BedExercise,
-    BedManner,
+    Exercise,
+    FreeLength,
+    Limit,
+    Opening,
     Replay,
     Session,
     bed_named,
+    perform,
     preset_named,
     read_run,
+    renamed_exercise,
     run_json,
-    script,
 )
 
 WHY = {
@@ -23,7 +28,7 @@ WHY = {
     ("follow_front", "hasty"): "Lift at half that speed",
     ("follow_front", "clumsy"): "5 mm behind the front",
     ("follow_front", "sideways"): "degrees off straight up",
-    ("free_scar", "hasty"): "while nothing held the duct up",
+    ("free_scar", "hasty"): "the jaws opened at",
     ("free_scar", "clumsy"): "Lift less",
 }
 
@@ -33,19 +38,9 @@ def session_in(bed: str, seed: int) -> Session:
     return bed_session(phantom(), bed=bed_named(bed), bed_seed=seed, vertices=300)
 
 
-def offered(session: Session) -> dict[str, BedExercise]:
+def offered(session: Session) -> dict[str, Exercise]:
     """The exercises of a session, by name."""
     return {each.name: each for each in bed_exercises(session)}
-
-
-def do(session: Session, manner: BedManner) -> None:
-    """Do the exercise that was started with scripted hands."""
-    exercise = session.bed_exercise
-    assert exercise is not None
-    for _ in script(session, session.spatial, exercise, manner):
-        session.advance()
-        if session.run.over:
-            return
 
 
 @pytest.mark.parametrize("seed", [1, 12])
@@ -53,9 +48,9 @@ def do(session: Session, manner: BedManner) -> None:
 def test_good_hands_pass_and_others_are_told_why_they_fail(bed: str, seed: int) -> None:
     session = session_in(bed, seed)
     for name, exercise in offered(session).items():
-        for label, manner in MANNERS[exercise.name].items():
+        for label, technique in MANNERS[exercise.name].items():
             session.start_exercise(exercise)
-            do(session, manner)
+            perform(session, technique)
             outcome = session.run.outcome
             assert outcome is not None, (name, label)
             if label == "good":
@@ -73,16 +68,42 @@ def test_good_hands_pass_and_others_are_told_why_they_fail(bed: str, seed: int) 
 
 
 def test_a_window_is_one_opening() -> None:
-    window, front = (offered(session_in("firm", 1))[name] for name in ("window", "follow_front"))
-    assert "in one stretch" in window.goal
+    window, front = (
+        offered(session_in("firm", 1))[name].goal for name in ("window", "follow_front")
+    )
+    assert isinstance(window, FreeLength)
+    assert isinstance(front, FreeLength)
+    assert "in one stretch" in window.words
     two = [(5.0, 13.0), (30.0, 39.0)]
     assert window.freed(two) == pytest.approx(9.0)
     assert front.freed(two) == pytest.approx(17.0)
     assert window.freed([]) == front.freed([(-4.0, -2.0)]) == 0.0
-    # Runs recorded before were judged by all that was free, and still are.
-    before = msgspec.to_builtins(window)
-    del before["one_stretch"]
-    assert msgspec.convert(before, BedExercise).freed(two) == pytest.approx(17.0)
+
+
+BEFORE = {
+    "exercise": "free_stretch", "name": "window", "bed": "firm", "bed_seed": 4,
+    "free_mm": 12.7, "from_mm": 0.0, "to_mm": 50.8, "instruments": ["hook", "dissector"],
+    "stress_ratio_limit": 0.2, "time_to_break_limit_s": 0.25, "out_of_sight_limit": 15,
+    "instrument_force_limit_N": None, "opened_mm": None, "divided": False, "time_limit_s": 120.0,
+    "errors": {"stirring": 1},
+}  # fmt: skip
+
+
+def test_an_exercise_in_a_bed_that_was_recorded_before_is_the_same_one() -> None:
+    found = msgspec.convert(renamed_exercise(BEFORE), Exercise)
+    assert found.goal == FreeLength(12.7, 0.0, 50.8)  # judged by all that is free, as it was
+    assert found.opening == Opening("firm", 4)
+    assert found.instruments == ("hook", "dissector")
+    assert (found.title, found.time_limit_s) == ("Open a window", 120.0)
+    assert found.limit_of == {
+        "tear": 0, "stirring": 1, "peak_stress_ratio": 0.2, "shortest_time_to_break_s": 0.25,
+        "strands_broken_out_of_sight": 15,
+    }  # fmt: skip
+    older = {key: each for key, each in BEFORE.items() if key != "exercise"}
+    older |= {"share_limit": older.pop("stress_ratio_limit"), "name": "follow-front"}
+    again = msgspec.convert(renamed_exercise(older), Exercise)
+    assert (again.limits, again.name) == (found.limits, "follow_front")
+    assert renamed_exercise(msgspec.to_builtins(found)) == msgspec.to_builtins(found)
 
 
 def test_an_exercise_made_again_ends_with_the_same_words() -> None:
@@ -91,7 +112,7 @@ def test_an_exercise_made_again_ends_with_the_same_words() -> None:
     session.start_exercise(exercise)
     session.choose_instrument(0, "dissector")
     assert not session.run.started, "the exercise is for hooks and graspers"
-    do(session, MANNERS["follow_front"]["clumsy"])
+    perform(session, MANNERS["follow_front"]["clumsy"])
     content = run_json(session.run_file())
     read = read_run(content)
     again = Replay(read.log, phantom(), vertices=300)
@@ -108,10 +129,14 @@ def test_limits_follow_the_bed_and_not_its_seed() -> None:
     loose, firm, again = (
         offered(session_in(*each)) for each in (("loose", 1), ("firm", 1), ("firm", 9))
     )
-    assert loose["window"].stress_ratio_limit < firm["window"].stress_ratio_limit
+    assert (
+        loose["window"].limit_of["peak_stress_ratio"] < firm["window"].limit_of["peak_stress_ratio"]
+    )
     for name in ("window", "follow_front"):
         assert firm[name].limits == again[name].limits
-    assert loose["free_scar"].bed == "scar"
+    scar = loose["free_scar"].opening
+    assert scar is not None
+    assert scar.bed == "scar"
     # Tougher than the duct: no hook frees it, so none is asked to.
     tough = msgspec.structs.replace(bed_named("inflamed"), name="own", toughness_J_m2=200.0)
     session = bed_session(phantom(), bed=tough, vertices=300)
@@ -125,7 +150,7 @@ def test_another_duct_has_exercises_of_its_own(preset: str) -> None:
     assert "window" in found
     for exercise in found.values():
         session.start_exercise(exercise)
-        do(session, MANNERS[exercise.name]["good"])
+        perform(session, MANNERS[exercise.name]["good"])
         outcome = session.run.outcome
         assert outcome is not None
         assert outcome.passed, (exercise.name, outcome)
@@ -134,30 +159,25 @@ def test_another_duct_has_exercises_of_its_own(preset: str) -> None:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"from_mm": 40.0}, "must rise"),
-        ({"free_mm": 60.0}, "free_mm must be above 0"),
-        ({"stress_ratio_limit": 1.5}, "stress_ratio_limit must be above 0 and below 1"),
-        ({"time_to_break_limit_s": -1.0}, "time_to_break_limit_s must be 0 or more"),
-        ({"instrument_force_limit_N": 0.0}, "instrument_force_limit_N must be above 0"),
-        ({"errors": {"haste": 0}}, "errors has 'haste', which is no class of errors; there are: "),
-        ({"errors": {"stirring": -1}}, "errors.stirring must be 0 or more incidents"),
-        ({"out_of_sight_limit": -1}, "out_of_sight_limit must be 0 or more"),
-        ({"opened_mm": (9.0, 3.0)}, "opened_mm must rise"),
-        ({"time_limit_s": 1e9}, "time_limit_s must be above 0 and at most"),
+        ({"goal": {"from_mm": 40.0}}, "from_mm and to_mm must rise"),
+        ({"goal": {"length_mm": 60.0}}, "length_mm must be above 0"),
+        ({"limits": [{"of": "peak_stress_ratio", "value": 1.5}]}, "above 0 and below 1"),
+        ({"limits": [{"of": "shortest_time_to_break_s", "value": -1.0}]}, "0 or more and finite"),
+        ({"limits": [{"of": "maximum_instrument_force_N", "value": 0.0}]}, "above 0 N"),
+        ({"limits": [{"of": "haste", "value": 0}]}, "'haste' is no metric and no class of errors"),
+        ({"limits": [{"of": "stirring", "value": -1}]}, "stirring must be 0 or more incidents"),
+        ({"limits": [{"of": "stirring", "value": 0.5}]}, "stirring must be 0 or more incidents"),
+        ({"opening": {"opened_mm": [9.0, 3.0]}}, "opened_mm must rise"),
+        ({"time_limit_s": 1e9}, "time_limit_s must be at most"),
     ],
 )
-def test_an_exercise_that_makes_no_sense_is_refused(changed: dict[str, object], words: str) -> None:
-    exercise = BedExercise(
-        name="window",
-        bed="normal",
-        bed_seed=1,
-        free_mm=12.0,
-        from_mm=10.0,
-        to_mm=40.0,
-        instruments=("hook",),
-        stress_ratio_limit=0.2,
-        time_to_break_limit_s=0.25,
-        out_of_sight_limit=5,
-    )
-    with pytest.raises(ValueError, match=words):
-        msgspec.structs.replace(exercise, **changed)
+def test_an_exercise_that_makes_no_sense_is_refused(changed: dict[str, Any], words: str) -> None:
+    exercise = Exercise(
+        "window", "Open a window", FreeLength(12.0, 10.0, 40.0),
+        limits=(Limit("peak_stress_ratio", 0.2),), opening=Opening("normal", 1),
+    )  # fmt: skip
+    plain = msgspec.to_builtins(exercise)
+    for key, each in changed.items():
+        plain[key] = plain[key] | each if isinstance(each, dict) else each
+    with pytest.raises(msgspec.ValidationError, match=words):
+        msgspec.convert(plain, Exercise)

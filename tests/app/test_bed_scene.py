@@ -15,7 +15,7 @@ from playwright.sync_api import Browser
 from program import LONGEST
 from simulated import bed_exercises, bed_session, phantom
 
-from app.simulation import BedExercise, Instrument, Session, preset_named
+from app.simulation import Exercise, FreeLength, Instrument, Opening, Session, preset_named
 from app.trainer.scene.bed_scene import BedScene
 from app.trainer.scene.goal_band import GoalStretch
 from app.trainer.stage.strands import NUMBERS, PARTED
@@ -169,26 +169,23 @@ def test_the_stretch_that_an_exercise_is_about_is_marked(
     client: viser.ClientHandle, session: Session
 ) -> None:
     drawn = BedScene(client, session, "plain")
-    scar = BedExercise(
-        name="free_scar", bed="scar", bed_seed=1, free_mm=9.0, from_mm=20.0, to_mm=31.0,
-        instruments=("hook", "dissector"), stress_ratio_limit=0.9, time_to_break_limit_s=0.0,
-        out_of_sight_limit=100,
-    )  # fmt: skip
+    goal = FreeLength(9.0, 20.0, 31.0)
+    scar = Exercise("free_scar", "Free a scar", goal, opening=Opening("scar", 1))
     drawn.draw(session.reading())
 
-    def goal() -> GoalStretch | None:
+    def shown() -> GoalStretch | None:
         return drawn._goal
 
-    assert goal() is None
+    assert shown() is None
     session.start_exercise(scar)
     drawn.draw(session.reading())
-    marked = goal()
+    marked = shown()
     assert marked is not None
     lines, _ = marked._parts
     assert (lines.points[..., 0].min(), lines.points[..., 0].max()) == (20.0, 31.0)
     session.finish()
     drawn.draw(session.reading())
-    assert goal() is None
+    assert shown() is None
 
 
 def test_nothing_is_sent_when_nothing_changes(
@@ -302,6 +299,8 @@ def test_a_divided_duct_is_drawn_without_its_second_clamp(
     client: viser.ClientHandle, session: Session
 ) -> None:
     front = next(each for each in bed_exercises(session) if each.name == "follow_front")
+    assert isinstance(front.goal, FreeLength)
+    front_length = front.goal.length_mm
     scene = BedScene(client, session, "full")
     stubs: list[list[int]] = []
     for exercise in (None, front):
@@ -316,7 +315,7 @@ def test_a_divided_duct_is_drawn_without_its_second_clamp(
     assert stubs[1][1] == 0, "nothing is pinched at the end that is free"
     assert scene._goal is not None
     marked = scene._goal._parts[0].points[..., 0]
-    assert marked.max() - marked.min() == pytest.approx(front.free_mm, abs=1e-3)
+    assert marked.max() - marked.min() == pytest.approx(front_length, abs=1e-3)
     session.reset()
     scene.draw(session.reading())
     assert scene._stage._clamps[1].visible

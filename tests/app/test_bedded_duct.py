@@ -1,11 +1,20 @@
 """A duct in its bed under two hands: what the trainer's dissection steps."""
 
-import msgspec
 import numpy as np
 import pytest
-from simulated import bed_exercises, bed_session
+from simulated import bed_session
 
-from app.simulation import Replay, RoundBeam, Session, Specimen, preset_named, presets
+from app.simulation import (
+    Exercise,
+    FreeLength,
+    Opening,
+    Replay,
+    RoundBeam,
+    Session,
+    Specimen,
+    preset_named,
+    presets,
+)
 from assets import BILE_DUCT
 from organ_geometry import read_organ
 from physics.bed import BeamOnBed
@@ -216,12 +225,10 @@ def test_a_divided_duct_is_lifted_off_its_bed_by_its_free_end(session: Session) 
     """Its end follows the hook, turned up, for less than the same way takes between clamps."""
     duct = session.spatial
     shares: list[float] = []
-    opened = msgspec.structs.replace(
-        next(each for each in bed_exercises(session) if each.opened_mm is not None),
-        opened_mm=(44.7, 50.8),
-    )
+    goal = FreeLength(9.0, 0.0, 44.7)
     for divided in (False, True):
-        duct.prepare(msgspec.structs.replace(opened, divided=divided))
+        opening = Opening("normal", 1, (44.7, 50.8), divided=divided)
+        duct.prepare(Exercise("front", "Follow the front", goal, opening=opening))
         assert (duct.grab(0, 50.8) is not None) == divided, "a clamp cannot be held"
         start = duct.grab(0, 45.0)
         assert start is not None

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, expect
 from projection import picture_points
 from simulated import bed_exercises, bed_session, phantom
 
-from app.simulation import MANNERS, Feedback, Hand, Session, bed_named, script
+from app.simulation import MANNERS, Feedback, Hand, Session, bed_named, perform
 from app.trainer.client.dissect_state import NUDGE
 from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.scene import drag_proxy
@@ -420,12 +420,9 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         tab.choose("Feedback", "Only in the result")
         tab.press("Start")
         expect(page.get_by_test_id("exercise-state")).to_contain_text("first touch")
-        expect(page.get_by_test_id("task")).to_contain_text(exercise.limit)
+        expect(page.get_by_test_id("task")).to_contain_text(exercise.caution)
         stop_time(tab, dissections, view)  # it goes by the hands' own ticks
-        for _ in script(session, session.spatial, exercise, MANNERS[exercise.name]["good"]):
-            session.advance()
-            if session.run.over:
-                break
+        perform(session, MANNERS[exercise.name]["good"])
         outcome = page.get_by_test_id("outcome")
         outcome.wait_for()
         assert outcome.get_attribute("data-outcome") == "Passed"
@@ -448,7 +445,9 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         assert freed[1][-1] == kept.metrics["freed_mm"]
         assert [len(rows) for rows in (distance, forces)] == [5, 6]
         assert forces[0][-1] == pytest.approx(kept.metrics["time_s"])
-        assert distance[-1][0] == pytest.approx(100.0 * (1.0 - exercise.stress_ratio_limit))
+        assert distance[-1][0] == pytest.approx(
+            100.0 * (1.0 - exercise.limit_of["peak_stress_ratio"])
+        )
         tab.press("Watch it again")
         tab.wait_until(lambda: tab.slider("Time (s)") > 1.0)  # its end is known, too
         playback(view).pause()  # while it plays the field is written thirty times a second

@@ -27,6 +27,7 @@ from app.simulation import (
     Session,
     Specimen,
     bed_named,
+    exercises_offered,
     preset_named,
     read_run,
     run_json,
@@ -241,7 +242,7 @@ def test_a_free_duct_in_space_is_dissected_without_strands_and_replayed() -> Non
         session.move_hand(0, np.array(place) + np.array([0.0, 0.0, 0.3 * tick]))
         session.advance()
     reading = session.reading()
-    assert (reading.strands, reading.freed, session.exercises_offered()) == (0, 0.0, ())
+    assert (reading.strands, reading.freed, exercises_offered(session)) == (0, 0.0, ())
     session.set_threshold(0.9 * reading.check.total_stress)
     while session.run.going:
         session.advance()

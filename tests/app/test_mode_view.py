@@ -9,7 +9,7 @@ import pytest
 from program import LONGEST
 from simulated import phantom, pull_session
 
-from app.simulation import ApproachBreak
+from app.simulation import Exercise, Stay
 from app.trainer.client.client_state import Workers
 from app.trainer.client.pull_state import PullState
 from app.trainer.stage.lighting import Look
@@ -46,7 +46,9 @@ def view() -> Iterator[View]:
 def finish_exercise(view: View) -> None:
     """Do an exercise by the slider between two looks of the page."""
     session = view.session
-    session.start_exercise(ApproachBreak(margin=0.9, seconds=0.1), inputs="any")
+    session.start_exercise(
+        Exercise("near", "Near", Stay("distance_to_break", 0.0, 0.9, 0.1)), inputs="any"
+    )
     view.state.set_target_force(2.0)
     while not session.run.over:
         session.advance()

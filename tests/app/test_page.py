@@ -24,15 +24,16 @@ from simulated import phantom, pull_session
 
 from app.simulation import (
     CAREFUL,
-    ApproachBreak,
+    Exercise,
     Feedback,
-    GentleDissection,
     Phase,
     Replay,
-    do_exercise,
+    Stay,
+    exercises_offered,
+    perform,
     run_json,
 )
-from app.simulation.scripted_pull import HASTY
+from app.simulation.scripted_hands import HASTY
 from app.trainer.client.client_state import EXPORT_VERTICES
 from app.trainer.client.pull_state import HAND_ONLY
 from app.trainer.connections.bounds import Bounds
@@ -139,7 +140,8 @@ def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer:
     with trainer_page(browser, trainer.address) as tab:
         view = newest(trainer)
         session = view.session
-        session.start_exercise(ApproachBreak(margin=0.9, seconds=0.1), inputs="any")
+        near = Exercise("near", "Near", Stay("distance_to_break", 0.0, 0.9, 0.1))
+        session.start_exercise(near, inputs="any")
         tab.slide("Force F (N)", 2.0)
         tab.page.get_by_test_id("outcome").wait_for()
         tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
@@ -403,8 +405,9 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
     with trainer_page(browser, trainer.address) as tab:
         view = newest(trainer)
         session = view.session
-        gentle = session.exercises_offered()[2]
-        assert isinstance(gentle, GentleDissection)
+        gentle = exercises_offered(session)[2]
+        stay = gentle.goal
+        assert isinstance(stay, Stay)
         tab.open("Learn")
         tab.choose("Exercise", "Dissect gently")
         expect(tab.page.get_by_test_id("task")).to_contain_text("your hand only")
@@ -432,20 +435,20 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
             band, rest = tab.vertices("goal/area"), tab.vertices("skin")
             near = np.abs(rest[:, 0] - band[:, 0].mean()) < 3.0
             height = band[:, 2].max() - rest[near, 2].max()
-            assert height == pytest.approx(gentle.high_mm, abs=0.5)
-            assert np.ptp(band[:, 2]) == pytest.approx(gentle.high_mm - gentle.low_mm, abs=1e-3)
+            assert height == pytest.approx(stay.high, abs=0.5)
+            assert np.ptp(band[:, 2]) == pytest.approx(stay.high - stay.low, abs=1e-3)
 
         tab.eventually(over_the_duct)
         tab.wait_until(lambda: any(tab.charts()[0][7]))
         x, *_, goal = tab.charts()[0]
         there = [at for at, value in zip(x, goal, strict=True) if value]
-        assert (there[0], there[-1]) == pytest.approx((gentle.low_mm, gentle.high_mm), rel=1e-6)
+        assert (there[0], there[-1]) == pytest.approx((stay.low, stay.high), rel=1e-6)
 
         # Held, it counts down: at the goal and in the tab. Time goes by the test's own ticks.
         tab.open("Learn")
         stop_time(tab, trainer, view)
         run = session.run
-        middle = 0.5 * (gentle.low_mm + gentle.high_mm)
+        middle = 0.5 * (stay.low + stay.high)
         session.grab(0, session.planar.grasp)
         for tick in range(1, 46):
             session.lift(middle * tick / 45.0)
@@ -490,7 +493,7 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
     with trainer_page(browser, trainer.address, width=900, height=700) as tab:
         view = newest(trainer)
         session, state = view.session, view.state
-        gentle = session.exercises_offered()[2]
+        gentle = exercises_offered(session)[2]
         outcome = tab.page.get_by_test_id("outcome")
         table = tab.page.get_by_test_id("measures")
         for manner, word, heads in (
@@ -499,7 +502,7 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
         ):
             state.start_exercise(gentle, Feedback.CONTINUOUS)
             state.paused = True  # time goes by the hand's own ticks
-            do_exercise(session, manner)
+            perform(session, manner)
             expect(outcome).to_have_attribute("data-outcome", word)
             table.wait_for()  # the run is made again, and the expert's
             assert table.locator("th").all_inner_texts()[1:] == heads
@@ -519,22 +522,24 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
         }
         assert {name for name, way in better.items() if way == ""} == set()
         row = table.locator("[data-measure=maximum_loading_rate_N_per_s] td")
-        assert isinstance(gentle, GentleDissection)
+        stay = gentle.goal
+        assert isinstance(stay, Stay)
         cells = row.all_inner_texts()
-        assert cells[4] == f"{gentle.loading_rate_limit_N_per_s:.2f}"
+        rate_limit = gentle.limit_of["maximum_loading_rate_N_per_s"]
+        assert cells[4] == f"{rate_limit:.2f}"
         careful, hasty = float(cells[1]), float(cells[2])
-        assert hasty > gentle.loading_rate_limit_N_per_s > careful
+        assert hasty > rate_limit > careful
 
         tab.page.get_by_role("tab", name="Over time").click()
         tab.wait_until(lambda: len(over_time(tab)) == 4)
         deflection, force, rate, distance = over_time(tab)
-        assert [deflection[2][0], deflection[3][0]] == [gentle.high_mm, gentle.low_mm]
-        assert force[4][0] == gentle.force_limit_N
-        assert rate[4][0] == gentle.loading_rate_limit_N_per_s
+        assert [deflection[2][0], deflection[3][0]] == [stay.high, stay.low]
+        assert force[4][0] == gentle.limit_of["maximum_force_N"]
+        assert rate[4][0] == rate_limit
         assert state.last_run is not None
         fastest = state.last_run.metrics["maximum_loading_rate_N_per_s"]
         assert max(one for one in rate[1] if one is not None) == fastest
-        assert distance[4][0] == 100.0 * gentle.reserve_limit
+        assert distance[4][0] == 100.0 * gentle.limit_of["smallest_distance_to_break"]
         tab.press("Watch it again")
         replay = tab.page.get_by_role("tab", name="Replay")
         expect(replay).to_have_attribute("aria-selected", "true")

@@ -32,7 +32,7 @@ class Conditions(NamedTuple):
     part_mm: float  # and at which it has parted
     radius_mm: float  # of the duct
     stress_ratio_limit: float | None  # of the exercise, if there is one
-    out_of_sight_limit: int | None
+    out_of_sight_limit: float | None
 
 
 class Parameter(NamedTuple):

@@ -67,10 +67,11 @@ class Incidents:
     """The incidents of a run so far.
 
     `number` has how many there are of each class. `limits` are parameters by class and key, without
-    a tissue only those that are not derived from one. `named` are classes that an exercise names.
+    a tissue only those that are not derived from one. `named` has the keys of those that an
+    exercise names.
     """
 
-    def __init__(self, tissue: Conditions | None, named: Mapping[str, int]) -> None:
+    def __init__(self, tissue: Conditions | None, named: Mapping[str, float]) -> None:
         self.limits = {
             each.key: {
                 parameter.key: parameter.of(tissue)

@@ -166,8 +166,8 @@ class TeacherPage:
             state["exercise"] = {
                 "title": asked.title,
                 "text": asked.text,
-                "goal": asked.exercise.goal,
-                "limit": asked.exercise.limit,
+                "goal": asked.exercise.task,
+                "limit": asked.exercise.caution,
                 "going": assignment.goes_on,
                 "started": assignment.started_at is not None,
             }

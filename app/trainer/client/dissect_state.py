@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from app.simulation import (
     HANDS,
     HOLDING,
-    INSTRUMENTS,
     VERTICES,
     BedPreset,
     Exercise,
@@ -160,9 +159,9 @@ class DissectState(ClientState):
         """Make a hand the active one, with this instrument; one that it has it keeps as it is."""
         if self.playback is not None or self._refuses(hand):
             return
-        wanted = self.session.bed_exercise if self.in_exercise else None
-        if wanted is not None and instrument not in wanted.instruments:
-            self.refuse(f"This exercise is done with: {', '.join(wanted.instruments)}.")
+        offered = self.session.instruments
+        if instrument not in offered:
+            self.refuse(f"This exercise is done with: {', '.join(offered)}.")
             return
         self.choose_hand(hand)
         if self.instrument != instrument:
@@ -170,8 +169,7 @@ class DissectState(ClientState):
 
     def next_instrument(self) -> None:
         """Give the active hand the next instrument."""
-        wanted = self.session.bed_exercise if self.in_exercise else None
-        offered = INSTRUMENTS if wanted is None else wanted.instruments
+        offered = self.session.instruments
         now = offered.index(self.instrument) if self.instrument in offered else -1
         self.choose_instrument(self.hand, offered[(now + 1) % len(offered)])
 

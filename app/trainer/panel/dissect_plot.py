@@ -83,7 +83,7 @@ class DissectPlot:
         self._run = run
         set_if_changed(self._wanted, visible=figures)
         if figures:
-            limits = {} if run.exercise is None else run.exercise.limits
+            limits = {} if run.exercise is None else run.exercise.limit_of
             if run.seconds - rows[0, -1] > IDLE_SECONDS:  # nothing has moved since
                 rows[:, :-1] = rows[:, 1:]
                 rows[0, -1] = run.seconds - TICK_SECONDS

@@ -4,7 +4,7 @@ import html
 
 import viser
 
-from app.simulation import Exercise, Feedback
+from app.simulation import Exercise, Feedback, exercises_offered
 from app.trainer.client.client_state import ClientState
 from app.trainer.panel.controls import note, on_click, on_input, set_if_changed
 
@@ -71,7 +71,7 @@ class ExerciseTab:
         self._key = key
 
         def find() -> None:
-            offered = {each.title: each for each in session.exercises_offered()}
+            offered = {each.title: each for each in exercises_offered(session)}
             if key != self._key:
                 return
             self._offered = offered
@@ -137,8 +137,8 @@ class ExerciseTab:
         self._task.content = (
             "<div data-testid='task' style='margin:0 12px 10px;padding:8px 10px;border-radius:6px;"
             "background:rgba(255,255,255,.06);font-size:13px;line-height:1.45'>"
-            f"{title}<b>Goal</b> {html.escape(exercise.goal)}<br>"
-            f"<b>Limit</b> {html.escape(exercise.limit)}<br>"
+            f"{title}<b>Goal</b> {html.escape(exercise.task)}<br>"
+            f"<b>Limit</b> {html.escape(exercise.caution)}<br>"
             f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first "
             f"{self._state.first_input}.<br>"
             f"<b>With</b> {self._state.counted}</div>"

@@ -7,7 +7,7 @@ import viser
 from numpy.typing import NDArray
 from viser import uplot
 
-from app.simulation import HANDS, ApproachBreak, Exercise, Series, loading_rates
+from app.simulation import HANDS, Exercise, Series, Stay, loading_rates
 
 __all__ = [
     "AXIS_COLOUR",
@@ -110,12 +110,15 @@ def _mark(series: uplot.Series) -> str:
 
 def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
     """Plot a pull over time: the force, and what its exercise's goal and limits are about."""
-    limits = {} if exercise is None else exercise.limits
+    limits = {} if exercise is None else exercise.limit_of
     time, percent = series["time_s"], 100.0 * np.clip(series["distance_to_break"], 0.0, 1.0)
-    band = None if exercise is None else exercise.band
+    goal = None if exercise is None else exercise.goal
+    band = None if goal is None else goal.band
     if band is not None:
         _add_plot(gui, time, "deflection (mm)", {"#e8eaed": series["deflection_mm"]}, band=band)
-    margin = (0.0, 100.0 * exercise.margin) if isinstance(exercise, ApproachBreak) else None
+    margin = None
+    if isinstance(goal, Stay) and band is None:
+        margin = 100.0 * goal.low, 100.0 * goal.high
     distance = {DISTANCE_COLOUR: percent}
     if margin is not None:
         _add_plot(gui, time, TO_BREAK, distance, band=margin, top=108.0)
@@ -135,7 +138,7 @@ def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | Non
 
 def add_dissection_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
     """Plot a dissection over time: the forces of both hands, what is freed, and the break."""
-    ratio = None if exercise is None else exercise.limits.get("peak_stress_ratio")
+    ratio = None if exercise is None else exercise.limit_of.get("peak_stress_ratio")
     limit = None if ratio is None else 100.0 * (1.0 - ratio)
     time, percent = series["time_s"], 100.0 * np.clip(1.0 - series["stress_ratio"], 0.0, 1.0)
     forces = [

@@ -8,17 +8,13 @@ import msgspec
 import viser
 
 from app.simulation import (
-    CAREFUL,
     FEW,
     MANNERS,
-    ApproachBreak,
-    BedExercise,
+    Exercise,
     Metrics,
-    Replay,
     RunFile,
-    do_exercise,
-    metrics_of,
-    rehearsed,
+    Stay,
+    perform,
     run_json,
 )
 from app.trainer.client.client_state import ClientState
@@ -43,25 +39,21 @@ _BESIDE = (
 _SLIDERS = "Sliders and keys were allowed in this exercise."
 
 
-def _expert(run: RunFile, state: PullState) -> Metrics | None:
-    """Return the measures of a careful scripted hand in the same exercise; None for free pulls."""
-    if run.log.exercise is None:
+def _expert(run: RunFile, state: ClientState) -> Metrics | None:
+    """Return the measures of good scripted hands in the same exercise; None for a free run."""
+    exercise = run.log.exercise
+    if exercise is None or exercise.name not in MANNERS:
         return None
     waiting = msgspec.structs.replace(run.log, inputs=[], ticks=0, exercise_inputs="hand")
-    session = Replay(waiting, state.session.tissue.dissection.organ).session
-    if session.goal is None:
-        return None
-    do_exercise(session, CAREFUL)
+    session = state.replay_of(msgspec.structs.replace(run, log=waiting), vertices=FEW).session
+    perform(session, MANNERS[exercise.name]["good"])
     return session.metrics()
 
 
-def _bed_expert(run: RunFile, state: DissectState) -> Metrics | None:
-    """Return the measures of good scripted hands in the same exercise; None for a free one."""
-    exercise = run.log.exercise
-    if not isinstance(exercise, BedExercise):
-        return None
-    duct = state.replay_of(run, vertices=FEW).session.spatial
-    return metrics_of(rehearsed(duct, exercise, MANNERS[exercise.name]["good"])[0])
+def _seeks_break(exercise: Exercise | None) -> bool:
+    """Return whether coming near the break is the goal, so that neither is better."""
+    goal = None if exercise is None else exercise.goal
+    return isinstance(goal, Stay) and goal.quantity == "distance_to_break"
 
 
 def _beside(tries: Sequence[RunFile], expert: Metrics | None) -> dict[str, Metrics]:
@@ -139,8 +131,8 @@ def show_pull_result(
     table = measures_html(
         run.metrics,
         _beside(state.session.earlier_tries(run), _expert(run, state)),
-        {} if exercise is None else exercise.limits,
-        sought_break=isinstance(exercise, ApproachBreak),
+        {} if exercise is None else exercise.limit_of,
+        sought_break=_seeks_break(exercise),
     )
     by_sliders = exercise is not None and run.log.exercise_inputs == "any"
 
@@ -165,8 +157,8 @@ def show_dissection_result(
     series, exercise = state.replay_of(run, vertices=FEW).series(), run.log.exercise
     table = measures_html(
         run.metrics,
-        _beside(state.earlier_tries(run), _bed_expert(run, state)),
-        {} if exercise is None else exercise.limits,
+        _beside(state.earlier_tries(run), _expert(run, state)),
+        {} if exercise is None else exercise.limit_of,
     )
     _open(
         state,

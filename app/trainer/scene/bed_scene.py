@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation import HANDS, BedExercise, Reading, Session
+from app.simulation import HANDS, Exercise, FreeLength, Reading, Session
 from app.trainer.scene.drag_proxy import DragProxy
 from app.trainer.scene.duct_on_stage import DuctOnStage
 from app.trainer.scene.force_arrow import ForceArrow
@@ -48,7 +48,7 @@ class BedScene(DuctOnStage):
         self._shares: list[NDArray[np.float32]] = []
         self._arrows: list[ForceArrow] = []
         self._goal: GoalStretch | None = None
-        self._goal_of: BedExercise | None = None
+        self._goal_of: Exercise | None = None
         self.draw(session.reading())
 
     def draw(self, reading: Reading, colours: Colours = "tissue", *, figures: bool = True) -> None:
@@ -133,18 +133,21 @@ class BedScene(DuctOnStage):
     def _show_goal(self, stage: Stage) -> None:
         """Mark the stretch that an exercise is about, if that is not the whole duct."""
         session = self._session
-        exercise = None if session.run.over else session.bed_exercise
+        exercise = None if session.run.over else session.run.exercise
         if exercise is self._goal_of:
             return
         self._goal_of = exercise
         if self._goal is not None:
             self._goal.remove()
             self._goal = None
-        if exercise is not None and (exercise.divided or exercise.from_mm > 0.0):
-            low, high = exercise.from_mm, exercise.to_mm
-            if exercise.divided:  # from where it is free already
-                low = high - exercise.free_mm
-            self._goal = GoalStretch(self._client.scene, low, high, stage.radius)
+        goal = None if exercise is None else exercise.goal
+        if exercise is None or exercise.opening is None or not isinstance(goal, FreeLength):
+            return
+        divided = exercise.opening.divided
+        if divided or goal.from_mm > 0.0:
+            # Of a divided duct, from where it is free already.
+            low = goal.to_mm - goal.length_mm if divided else goal.from_mm
+            self._goal = GoalStretch(self._client.scene, low, goal.to_mm, stage.radius)
 
     def _show_forces(self, reading: Reading, stage: Stage, *, figures: bool) -> None:
         """Draw what each hand pulls or pushes with; at the break the larger is of full length."""

@@ -1,0 +1,122 @@
+"""Attempts: how one go at an exercise is judged, tick by tick, by its measures and errors."""
+
+from typing import Protocol
+
+import msgspec
+
+from app.simulation.clock import TICK_SECONDS
+from app.simulation.errors import ERROR_CLASSES, Incidents
+from app.simulation.exercise import Exercise, Outcome
+from app.simulation.metrics import METRIC_OF, metrics_of
+
+__all__ = ["Attempt", "Taker"]
+
+
+class Taker(Protocol):
+    """What takes a run's measures and finds its errors."""
+
+    ticks: int
+    stretches: list[tuple[float, float]]
+    """That are free now, mm from the first clamp."""
+
+    @property
+    def errors(self) -> Incidents:
+        """The errors so far."""
+        ...
+
+    @property
+    def torn(self) -> bool:
+        """Whether the duct has torn."""
+        ...
+
+    @property
+    def held(self) -> bool:
+        """Whether a hand holds the duct."""
+        ...
+
+    @property
+    def deflection_mm(self) -> float:
+        """Of the place that is held, now."""
+        ...
+
+    @property
+    def distance_to_break(self) -> float:
+        """1 less the stress over the threshold, now."""
+        ...
+
+    def start(self) -> None:
+        """Start with the first input."""
+        ...
+
+    def take(self, *, moved: bool) -> None:
+        """Take one tick, in which something moved or all stood still."""
+        ...
+
+    def measures(self) -> msgspec.Struct:
+        """Return the measures so far."""
+        ...
+
+
+class Attempt:
+    """One go at an exercise; `outcome` is None while it goes on."""
+
+    def __init__(self, exercise: Exercise, taker: Taker) -> None:
+        self._exercise, self._taker = exercise, taker
+        self._followed = exercise.goal.follow()
+        self._ticks = 0
+        self.outcome: Outcome | None = None
+
+    @property
+    def progress(self) -> float:
+        """From 0 to 1."""
+        return self._followed.progress
+
+    @property
+    def standing(self) -> str:
+        """What to do now, in a few words."""
+        return self._followed.standing
+
+    def take(self) -> None:
+        """Judge one tick whose measures are taken."""
+        if self.outcome is not None:
+            return
+        self._ticks += 1
+        limit = self._exercise.time_limit_s
+        reached = self._followed.take(self._taker)
+        measures = self._taker.measures()
+        failure = self._failure(measures, reached=reached)
+        if failure is not None:
+            self.outcome = Outcome(False, failure)
+        elif reached:
+            self.outcome = Outcome(True, self._exercise.goal.reached(metrics_of(measures)))
+        elif self._ticks * TICK_SECONDS >= limit:
+            self.outcome = Outcome(
+                False, f"The {limit:g} s were over with {self._followed.so_far}."
+            )
+
+    def _failure(self, measures: msgspec.Struct, *, reached: bool) -> str | None:
+        """Return why this tick fails it, or None."""
+        errors = self._taker.errors
+        for limit in self._exercise.limits:
+            if limit.at_end and not reached:
+                continue
+            if limit.of in ERROR_CLASSES:
+                if limit.passed_by(errors.number.get(limit.of, 0)):
+                    last = errors.last_of(limit.of)
+                    return self._reason(last.happened if limit.of == "tear" else "", last.sentence)
+                continue
+            value: float | tuple[float, ...] | None = getattr(measures, limit.of, None)
+            largest = max(value) if isinstance(value, tuple) else value
+            if largest is not None and limit.passed_by(largest):
+                words = METRIC_OF[limit.of].passed_words(largest, limit.value)
+                return self._reason(words, f"{words}.")
+        return None
+
+    def _reason(self, words: str, alone: str) -> str:
+        """Put what is passed down to an error of the last second; `alone` where there is none."""
+        cause = self._taker.errors.cause()
+        if cause is None:
+            return alone
+        if not words or cause.error == "over_lifted":  # which says the limit itself
+            return cause.sentence
+        return f"{words[0].upper()}{words[1:]}: {cause.advice}"

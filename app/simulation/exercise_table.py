@@ -1,0 +1,47 @@
+"""The exercises that the trainer has, as far as they are the same on every duct."""
+
+from dataclasses import dataclass
+
+from app.simulation.inputs import HOLDING, INSTRUMENTS, Instrument
+
+__all__ = ["EXERCISES", "ExerciseKind"]
+
+
+@dataclass(frozen=True)
+class ExerciseKind:
+    """An exercise as it is on every duct; those in a bed have `spare` over what good hands need."""
+
+    title: str
+    method: str
+    errors: tuple[str, ...]  # classes that fail it
+    instruments: tuple[Instrument, ...] = INSTRUMENTS
+    time_limit_s: float = 60.0
+    spare: float = 1.0
+
+
+TOO_FAST = ("fast_pull", "near_break_fast")
+WITH_JAWS = (
+    "blind_stab", "jumping_jaws", "stirring", "ploughing", "fast_in_tissue", "fast_pull",
+)  # fmt: skip
+EXERCISES: dict[str, ExerciseKind] = {
+    "window": ExerciseKind(
+        "Open a window", "pass the dissector behind it and open the jaws",
+        WITH_JAWS, time_limit_s=120.0, spare=1.1,
+    ),
+    "follow_front": ExerciseKind(
+        "Follow the front",
+        "it is divided and its end is free; take hold where it is free no more, lift, let go, "
+        "and take hold again",
+        ("ahead_of_front", "repeated_holds", "one_go", "leaning", "behind_front", "fast_pull"),
+        HOLDING, time_limit_s=120.0, spare=1.2,
+    ),
+    "free_scar": ExerciseKind(
+        "Free a scar with two hands",
+        "hold it up with one hand and open the dissector behind the scar with the other",
+        ("no_traction", "traction_lost", *WITH_JAWS), time_limit_s=120.0, spare=1.12,
+    ),
+    "hold_stretch": ExerciseKind("Hold a stretch", "", TOO_FAST),
+    "approach_break": ExerciseKind("Approach the break", "", TOO_FAST),
+    "gentle_lifts": ExerciseKind("Dissect gently", "", TOO_FAST, time_limit_s=90.0),
+}  # fmt: skip
+"""What the trainer offers, by name."""
