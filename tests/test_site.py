@@ -56,6 +56,18 @@ def test_python_s_faces_are_described(site: Path) -> None:
             assert re.search(rf'id="{package.__name__}\.(\w+\.)?{name}"', html), name
 
 
+def test_every_command_has_its_help_on_the_site(site: Path) -> None:
+    from typer.main import get_command
+
+    from app.command_line.program import program
+
+    html = (site / "commands.html").read_text()
+    known = get_command(program).commands  # pyright: ignore[reportAttributeAccessIssue]
+    assert len(known) > 10
+    for name in known:
+        assert f"<code>bluntdissect {name}</code>" in html, name
+
+
 def test_every_example_is_shown() -> None:
     drawing = {"diagrams.py", "gallery.py"}
     scripts = {path.name for path in (ROOT / "examples").glob("*.py")} - drawing
