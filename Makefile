@@ -16,7 +16,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 WORKERS ?= -n 2 --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help trainer wheel test test-all coverage check bench docs screenshots soak licences audit lint types layers format clean
+.PHONY: help trainer wheel test test-all coverage check bench docs screenshots soak licences audit lint prose types layers format clean
 
 help:  ## say what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -41,7 +41,7 @@ test-all: $(VENV)/.tests $(VENV)/.readers $(BLENDER)/.bpy  ## run the long tests
 coverage: $(VENV)/.coverage  ## run all tests and say which lines and branches they reach
 	@$(BIN)/python -m pytest $(WORKERS) --cov --cov-report=term:skip-covered $(ARGS)
 
-check: lint types layers  ## lint (the page's JavaScript too), types and import layers
+check: lint prose types layers  ## lint (the page's JavaScript and the docs' prose too), types and import layers
 
 bench: $(VENV)/.peers  ## measure what things cost on this machine, beside peers
 	@$(BIN)/python -m benchmarks
@@ -70,6 +70,11 @@ lint: $(VENV)/.tests $(VENV)/.readers
 	@$(BIN)/ruff format --check .
 	@if [ -x $(BIOME) ]; then $(BIOME) lint --error-on-warnings; \
 		else echo "The page's JavaScript is not linted: Biome is not here, which npm installs." >&2; fi
+
+# Off in .proselintrc.json: archaism ('Haply' is one to it), lexical_illusions (headings), spelling
+# ('--color' is an option), typography (plain quotes and dots) and weasel_words ('very large').
+prose: $(VENV)/.tests
+	@$(BIN)/proselint --config .proselintrc.json check *.md docs/*.md docs/tutorials/*.md
 
 types: $(VENV)/.tests
 	@$(BIN)/pyright --threads 2

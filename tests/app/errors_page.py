@@ -22,6 +22,8 @@ from app.simulation.errors import CLOSED_AFTER
 HEAD = """\
 # Errors
 
+For teachers and researchers who want to know when an error is counted, and why at that value.
+
 A run's errors are found from the state of duct, tissue and hands, tick by tick, and told in words:
 what you did, where, and what to do instead. `bluntdissect replay run.json` prints those of a run,
 also of one that was recorded before there were any: a run file holds no errors, they are found
