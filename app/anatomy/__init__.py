@@ -1,24 +1,34 @@
 """Anatomies: files of several tubes that join, cases drawn from a seed, and a patient's labels."""
 
-from app.anatomy.anatomy_file import anatomy_toml, read_anatomy, shipped_anatomies
-from app.anatomy.anatomy_geometry import TubeLine, tube_lines
+from app.anatomy.anatomy_file import (
+    anatomy_named,
+    anatomy_toml,
+    checked,
+    read_anatomy,
+    shipped_anatomies,
+)
+from app.anatomy.anatomy_geometry import TubeLine, tube_line, tube_lines
 from app.anatomy.anatomy_network import AnatomyNetwork, anatomy_network
 from app.anatomy.hepatocystic_triangle import drawn_anatomy
 from app.anatomy.patient_case import PatientCase, named_labels, patient_case, write_case
-from app.anatomy.tables import Anatomy
+from app.anatomy.tables import Anatomy, TubeTable
 
 __all__ = [
     "Anatomy",
     "AnatomyNetwork",
     "PatientCase",
     "TubeLine",
+    "TubeTable",
+    "anatomy_named",
     "anatomy_network",
     "anatomy_toml",
+    "checked",
     "drawn_anatomy",
     "named_labels",
     "patient_case",
     "read_anatomy",
     "shipped_anatomies",
+    "tube_line",
     "tube_lines",
     "write_case",
 ]

@@ -14,7 +14,7 @@ from app.anatomy.tables import Anatomy, JoinTable, LayerTable, TableError, TubeT
 from app.bounded_file import decoded, read_bounded
 from assets import ANATOMIES
 
-__all__ = ["anatomy_toml", "read_anatomy", "shipped_anatomies"]
+__all__ = ["anatomy_named", "anatomy_toml", "checked", "read_anatomy", "shipped_anatomies"]
 
 MOST_BYTES = 1_000_000
 """Size of an anatomy file: some hundred tubes."""
@@ -32,8 +32,7 @@ def read_anatomy(path: Path) -> Anatomy:
     except ValueError as error:
         raise ValueError(_located(path, content, str(error).removeprefix(": "))) from None
     try:
-        check_tables(anatomy)
-        tube_lines(anatomy)
+        checked(anatomy)
     except TableError as fault:
         line = _line_of(content, fault.table, fault.number, fault.field)
         raise ValueError(f"{path}{line}: {fault}") from None
@@ -44,6 +43,21 @@ def shipped_anatomies() -> dict[str, Path]:
     """Return the files of the anatomies that ship with the program, by name, `normal` first."""
     found = {path.stem: path for path in sorted(ANATOMIES.glob("*.toml"))}
     return {"normal": found.pop("normal"), **found}
+
+
+def anatomy_named(name: str) -> Anatomy:
+    """Return a shipped anatomy by its name; a ValueError lists them."""
+    known = shipped_anatomies()
+    if name not in known:
+        raise ValueError(f"there is no anatomy {name!r} here: {', '.join(known)}")
+    return read_anatomy(known[name])
+
+
+def checked(anatomy: Anatomy) -> Anatomy:
+    """Return an anatomy whose tables can be; a `TableError` at the first that cannot."""
+    check_tables(anatomy)
+    tube_lines(anatomy)
+    return anatomy
 
 
 def anatomy_toml(anatomy: Anatomy) -> str:

@@ -81,7 +81,7 @@ class RecordedRun:
                 recorder.add(tick * TICK_SECONDS, duct.beam, duct.reading())
         if duct.torn is not None:
             replay.seek_tick(ticks + AFTER_TEAR)
-            recorder.add_tear(duct.beam, duct.torn_element, duct.torn, run_step=TICK_SECONDS)
+            recorder.add_tear(duct.beam, duct.torn_elements[0], duct.torn, run_step=TICK_SECONDS)
         return cls(duct.dissection, recorder.motion(RUN), replay.log.seed)
 
     @property

@@ -46,7 +46,7 @@ from app.simulation.preset import (
     presets,
     read_preset,
 )
-from app.simulation.reading import Reading, Vector
+from app.simulation.reading import FluidReading, Reading, Vector
 from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
 from app.simulation.run import Run
 from app.simulation.run_file import (
@@ -66,6 +66,8 @@ from app.simulation.spatial_tissue import (
     MOST_OPENING,
     SWAB_RADIUS,
     TOWARDS_HAND,
+    Event,
+    EventKind,
     Rod,
     SpatialTissue,
     Touch,
@@ -73,6 +75,7 @@ from app.simulation.spatial_tissue import (
 from app.simulation.specimen import Specimen
 from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.tissue import Tissue
+from app.simulation.tubes import Tubes
 
 __all__ = [
     "AFTER_TEAR",
@@ -111,9 +114,12 @@ __all__ = [
     "Conditions",
     "Dissection",
     "ErrorClass",
+    "Event",
+    "EventKind",
     "Exercise",
     "ExerciseInputs",
     "Feedback",
+    "FluidReading",
     "FreeLength",
     "Ghost",
     "GhostReading",
@@ -155,6 +161,7 @@ __all__ = [
     "TheoryChoice",
     "Tissue",
     "Touch",
+    "Tubes",
     "Vector",
     "bed_named",
     "bed_presets",

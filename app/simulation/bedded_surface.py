@@ -29,38 +29,46 @@ class BeddedSurface:
     dissection
         The duct between its clamps.
     rest, strands
-        The beam in space at rest that stands for it, and the strands of its bed.
+        The beam in space at rest that stands for it, and the strands that hold it.
+    tube
+        Its name where there are several.
     """
 
-    def __init__(self, dissection: Dissection, rest: SpaceBeam, strands: Strands) -> None:
+    def __init__(
+        self, dissection: Dissection, rest: SpaceBeam, strands: Strands, tube: str | None = None
+    ) -> None:
         self._dissection, self._rest, self.strands = dissection, rest, strands
+        self._tube = tube
         self.scale = rest.span / dissection.beam.span  # of stations on the beam over the duct's
-        self._first = dissection.axis_point(0.0)
+        self._first = dissection.origin
         self._driven = self.scale * (dissection.driving.stations - dissection.clamps[0])
 
     def move(
         self, beam: BeamOnBed, out: Floats, piece: int | None = None, torn_element: int = -1
     ) -> Floats:
         """Write the (D, 3, 4) transforms of the driving points, of a torn beam's piece 0 or 1."""
+        x, q, rest_x, rest_q = beam.shape_of(self._tube)
         _follow(
             self._driven,
             self._dissection.driving.positions,
             self._first,
             self._dissection.frame,
-            beam.stations,
-            beam.places,
-            beam.rotations,
-            beam.rest_places,
-            beam.rest_rotations,
+            beam.stations_of(self._tube),
+            x,
+            q,
+            rest_x,
+            rest_q,
             torn_element + 1 if piece == 1 else 0,
-            torn_element if piece == 0 else beam.stations.size - 1,
+            torn_element if piece == 0 else x.shape[0] - 1,
             out,
         )
         return out
 
-    def check(self, beam: BeamOnBed, threshold: float) -> RuptureCheck:
+    def check(
+        self, beam: BeamOnBed, threshold: float, stresses: Floats | None = None
+    ) -> RuptureCheck:
         """Return the highest stress in the wall, held against the threshold, MPa."""
-        worst = beam.worst_stress()
+        worst = beam.worst_stress(self._tube, stresses)
         return RuptureCheck(
             station=worst.station / self.scale,
             tension_side=1 if np.cos(worst.side) >= 0.0 else -1,

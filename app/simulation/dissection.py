@@ -45,6 +45,8 @@ class Dissection:
     driving: DrivingPoints  # the driving points that the beam moves
     # (3, 3) orthonormal columns: from clamp to clamp, lateral, along the pull
     frame: NDArray[np.float64]
+    # (3,) where that frame's origin is; the first clamp if None
+    origin_mm: NDArray[np.float64] | None = None
 
     @classmethod
     def of(cls, organ: Organ, preset: Preset) -> "Dissection":
@@ -152,10 +154,15 @@ class Dissection:
         """Return the axis's point at rest, (3,) mm, at a distance from the first clamp, mm."""
         return self.organ.axis_at(np.array([self.clamps[0] + station]))[0]
 
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """(3,) where the frame's origin is, mm."""
+        return self.axis_point(0.0) if self.origin_mm is None else self.origin_mm
+
     def in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (..., 3) places of the organ along, beside and over the first clamp, mm."""
+        """Return (..., 3) places of the organ in the frame: along, beside and over its origin."""
         # Not BLAS's product, whose last digits differ between processors: runs begin from these.
-        away = places - self.axis_point(0.0)
+        away = places - self.origin
         return (away[..., np.newaxis] * self.frame).sum(axis=-2)
 
     def rest_transforms(self) -> NDArray[np.float64]:

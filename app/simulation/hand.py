@@ -63,6 +63,7 @@ class Hand:
         "place",
         "target",
         "target_opening",
+        "tube",
     )
 
     def __init__(self, instrument: Instrument, place: NDArray[np.float64]) -> None:
@@ -72,6 +73,7 @@ class Hand:
         self._speed = np.zeros(3)  # mm/s
         self.opening = self.target_opening = 0.0  # between the axes of a dissector's jaws, mm
         self.node: int | None = None  # the beam's node that it holds
+        self.tube = 0  # number of the tube that it holds or last held
         self.holds = 0  # how often it has taken hold
 
     @property

@@ -78,6 +78,15 @@ class PlanarTissue:
         return None if self.tear is None else self.tear.event.check
 
     @property
+    def over(self) -> bool:
+        """Whether it has torn."""
+        return self.tear is not None
+
+    def tear_of(self, tube: int) -> RuptureCheck | None:
+        """Return where and under what it has torn, or None."""
+        return self.torn
+
+    @property
     def dissection(self) -> Dissection:
         """The organ between its clamps."""
         return self.model.dissection

@@ -1,18 +1,28 @@
 """What the instruments show after a tick."""
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 from app.simulation.tear import Phase
 from physics import BreakEvent, RuptureCheck
 from physics.bed import EnergyBalance
 
-__all__ = ["Reading", "Vector"]
+__all__ = ["FluidReading", "Reading", "Vector"]
 
 Vector = tuple[float, float, float]
 """mm or N in the duct's frame: along the clamps, lateral and along the pull, away from a bed."""
 
 
 NO_ENERGY = EnergyBalance(*[0.0] * len(fields(EnergyBalance)))
+
+
+class FluidReading(NamedTuple):
+    """What a fluid does in the tubes that have it."""
+
+    name: str
+    lost_ml: float
+    left_ml: float
+    rate_ml_s: float  # out of holes
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +46,8 @@ class Reading:
     broken: int = 0  # of them
     freed: float = 0.0  # length of duct whose strands have broken, mm
     energy: EnergyBalance = NO_ENERGY  # of a beam in space
+    stress_ratios: tuple[float, ...] = ()  # T, of each tube in space
+    fluids: tuple[FluidReading, ...] = ()  # in tubes that have any
 
     @classmethod
     def of_one(

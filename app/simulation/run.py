@@ -22,7 +22,7 @@ __all__ = ["Run"]
 
 
 class Run:
-    """A run: it starts with the first input and is over with the tear or the exercise.
+    """A run: it starts with the first input and is over with the last tear or the exercise.
 
     `taker` has taken a tick's measures before the tick is counted here; `attempt` judges the
     exercise, if there is one.
@@ -115,11 +115,11 @@ class Run:
             return
         self._log.note(self.ticks, hand, kind, *values)
 
-    def end_tick(self, *, torn: bool) -> None:
-        """Judge a tick whose measures are taken; a tear, the exercise's end or time end the run."""
+    def end_tick(self, *, over: bool) -> None:
+        """Judge a tick whose measures are taken; the exercise's end or time end the run too."""
         if self._attempt is not None:
             self._attempt.take()
-        if torn or self.outcome is not None or self.ticks >= MOST_TICKS:
+        if over or self.outcome is not None or self.ticks >= MOST_TICKS:
             self._over = True
 
     def metrics(self) -> Metrics:

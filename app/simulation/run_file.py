@@ -8,6 +8,7 @@ from typing import Literal, cast
 import msgspec
 import numpy as np
 
+from app.anatomy import Anatomy, anatomy_named, shipped_anatomies
 from app.simulation.bed_preset import BedPreset
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback, Outcome
@@ -36,6 +37,7 @@ __all__ = [
     "RunFileError",
     "RunLog",
     "RunStart",
+    "anatomy_or_name",
     "checked",
     "run_json",
     "same_to_12_digits",
@@ -45,6 +47,7 @@ __all__ = [
 FORMAT: Literal["bluntdissect-run"] = "bluntdissect-run"
 VERSION: Literal[4] = 4
 MOST_BYTES = 16_000_000
+MOST_TUBES = 1000
 ELEMENTS, SUBSTEPS, HANDS = 40, 8, 2
 """Elements of the beam in space, its steps in a tick, and the hands at it. So many elements are
 0.1 % off in the force and 0.3 % in the highest stress (docs/theory.md)."""
@@ -104,6 +107,8 @@ class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     broken_by_touch: bool = True
     # of each hand when the run began; None in some runs of version 3: where empty hands wait
     tips_mm: tuple[tuple[float, float, float], ...] | None = None
+    # name of a shipped anatomy, or another in full: its tubes, of which the preset is the first's
+    anatomy: str | Anatomy | None = None
 
     @property
     def in_bed(self) -> bool:
@@ -188,6 +193,12 @@ def strands_digest(strands: Strands) -> str:
     return digest.hexdigest()
 
 
+def anatomy_or_name(anatomy: Anatomy) -> str | Anatomy:
+    """Return a shipped anatomy's name, or another as it is."""
+    shipped = anatomy.name in shipped_anatomies() and anatomy_named(anatomy.name) == anatomy
+    return anatomy.name if shipped else anatomy
+
+
 def run_json(run: RunFile) -> bytes:
     """Return a run as JSON, its numbers to the last bit."""
     return msgspec.json.encode(run)
@@ -258,8 +269,14 @@ def _check_value(each: Input, where: str) -> None:
         if not _finite(value, 3):
             raise RunFileError(f"{where} must have three numbers, got {value!r}")
     elif each.kind == "grab":
-        if not isinstance(value, tuple) or not _finite(value, 2) or value[0] != 0:
-            raise RunFileError(f"{where} must have a tube, 0, and a station in mm, got {value!r}")
+        if (
+            not isinstance(value, tuple)
+            or not _finite(value, 2)
+            or value[0] not in range(MOST_TUBES)
+        ):
+            raise RunFileError(
+                f"{where} must have a tube's number, from 0, and a station in mm, got {value!r}"
+            )
     elif not isinstance(value, float | int) or not math.isfinite(value):
         raise RunFileError(f"{where} must have a number, got {value!r}")
 

@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from app.anatomy import anatomy_named, checked
 from app.simulation.attempt import Attempt
 from app.simulation.bed_preset import BedPreset, bed_named
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
@@ -54,7 +55,6 @@ MOST_TRIES = 20
 """Most finished exercises kept for comparison."""
 # What an exercise that counts the hand alone does not take.
 BY_SLIDER: frozenset[InputKind] = frozenset({"force", "grasp", "threshold"})
-TUBE = 0  # there is one
 
 
 def free_specimen(
@@ -142,12 +142,12 @@ class Session:
             if instrument in self.instruments:
                 self._act(hand, "instrument", INSTRUMENTS.index(instrument))
 
-    def grab(self, hand: int, station: float) -> Vector | None:
-        """Take hold at a station, mm from the first clamp; return the place, or None."""
+    def grab(self, hand: int, station: float, tube: int = 0) -> Vector | None:
+        """Take hold at a station, mm from a tube's first end; return the place, or None."""
         # None where a hand cannot hold: at a clamp, on the other hand's hook, once the duct is
         # torn, and with an instrument that does not hold.
         with self._lock:
-            if self._act(hand, "grab", TUBE, station) is None:
+            if self._act(hand, "grab", tube, station) is None:
                 return None
             return self.tissue.held_place(hand)
 
@@ -215,13 +215,13 @@ class Session:
                 changed |= moved
                 if self.run.going:
                     self._taker.take(moved=moved)
-                    self.run.end_tick(torn=tissue.torn is not None)
+                    self.run.end_tick(over=tissue.over)
             if changed:
                 self._draw()
             return changed or tissue.moving
 
     def _draw(self) -> None:
-        torn = self.tissue.torn
+        torn = self.tissue.tear_of(0)
         if torn is not None and not self.drawn.in_pieces:
             self.drawn.show_pieces(torn)
         elif torn is None and self.drawn.in_pieces:
@@ -467,7 +467,7 @@ class Session:
     @classmethod
     def of_log(cls, log: RunLog, organ: Organ, vertices: int = VERTICES) -> Self:
         """Return a session for a run; a `RunFileError` where it cannot be replayed here."""
-        log.organ.check(organ)
+        # A run at an anatomy brings its own tubes instead of the organ.
         start = log.start
         try:
             theory = None if start.theory is None else start.theory.theory()
@@ -478,23 +478,32 @@ class Session:
             preset = preset_named(preset) if isinstance(preset, str) else preset
             if theory is None:
                 preset = msgspec.structs.replace(preset, law=start.law, stiffening=start.stiffening)
-            specimen = Specimen(
-                preset,
-                organ,
-                bed_named(bed) if isinstance(bed, str) else bed,
-                bed_seed=1 if start.bed_seed is None else start.bed_seed,
-                theory=theory,
-                threshold_MPa=start.threshold_MPa if theory is None else None,
-            )
+            anatomy = start.anatomy
+            if anatomy is not None:
+                whole = anatomy_named(anatomy) if isinstance(anatomy, str) else checked(anatomy)
+                specimen = Specimen.of_anatomy(whole)
+            else:
+                specimen = Specimen(
+                    preset,
+                    organ,
+                    bed_named(bed) if isinstance(bed, str) else bed,
+                    bed_seed=1 if start.bed_seed is None else start.bed_seed,
+                    theory=theory,
+                    threshold_MPa=start.threshold_MPa if theory is None else None,
+                )
+            log.organ.check(specimen.organ or organ)
             session = cls(
                 specimen,
                 vertices=vertices,
                 seed=log.seed,
                 broken_by_touch=start.broken_by_touch,
             )
+        except RunFileError:
+            raise
         except ValueError as error:
-            raise RunFileError(f"the run's preset, bed or theory: {error}") from None
-        if bed is not None:
+            what = "preset, bed or theory" if start.anatomy is None else "anatomy"
+            raise RunFileError(f"the run's {what}: {error}") from None
+        if start.strands_sha256 is not None:
             if strands_digest(session.spatial.beam.strands) != start.strands_sha256:
                 raise RunFileError(
                     f"seed {start.bed_seed} gives other strands here than where the run was made"

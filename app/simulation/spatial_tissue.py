@@ -1,22 +1,21 @@
-"""A duct in space under two hands, free or in its bed, in real time.
+"""Tubes in space under two hands, free or in the tissue that holds them, in real time.
 
-`physics.bed.BeamOnBed` solves it; here are the hands and their instruments, the threshold at which
-the wall tears, and the transforms by which the duct's surface follows the beam. A tick of 1/30 s is
-`SUBSTEPS` steps of the beam: the peak force of a pull at 8 mm/s is then within 0.4 % of that with
-steps four times as short, at 40 mm/s within 2.6 % (docs/theory.md).
+`physics.bed.BeamOnBed` solves it; here are the hands and their instruments, the strengths at which
+walls tear, what bleeds, and the transforms by which surfaces follow the beams. A single duct is one
+tube. A tick of 1/30 s is `SUBSTEPS` steps of the beam: the peak force of a pull at 8 mm/s is then
+within 0.4 % of that with steps four times as short, at 40 mm/s within 2.6 % (docs/theory.md).
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.attempt import Taker
 from app.simulation.bed_preset import BedPreset, named_or_whole
-from app.simulation.bedded_surface import BeddedSurface
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
 from app.simulation.dissection_measures import DissectionMeasureTaker
@@ -24,22 +23,34 @@ from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
 from app.simulation.hand import Hand
 from app.simulation.inputs import HOLDING, INSTRUMENTS, InputKind, Instrument
-from app.simulation.reading import Reading, Vector
-from app.simulation.run_file import ELEMENTS, HANDS, SUBSTEPS, RunStart, strands_digest
+from app.simulation.reading import FluidReading, Reading, Vector
+from app.simulation.run_file import (
+    ELEMENTS,
+    HANDS,
+    SUBSTEPS,
+    RunStart,
+    anatomy_or_name,
+    strands_digest,
+)
 from app.simulation.specimen import Specimen
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.tissue import Applied
 from kernel_cache import njit
 from physics import RuptureCheck
-from physics.bed import BeamOnBed, Strands
+from physics.bed import BeamOnBed, Network
 
 __all__ = [
     "ELEMENTS", "HANDS", "JAW_RADIUS", "MOST_OPENING", "SUBSTEPS", "SWAB_RADIUS", "TOWARDS_HAND",
-    "Rod", "SpatialTissue", "Touch",
+    "Event", "EventKind", "Rod", "SpatialTissue", "Touch",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
+EventKind = Literal["tear", "bleeding", "leak", "stanched"]
+"""A tear of the wall; blood or bile that begins to flow out of a tube, and that no longer does."""
 
+LOSSES: dict[str, EventKind] = {"blood": "bleeding", "bile": "leak"}
+LEAST_FLOW = 1e-3
+"""mm^3/s. Out of a tube that loses less, nothing flows."""
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
 # Of the span, where the hands' empty instruments wait: the second one out of the first's way.
 PARKED_AT = (0.5, 0.2)
@@ -60,7 +71,6 @@ RODS: dict[Instrument, tuple[tuple[int, ...], ...]] = {
 REACH = 60.0
 """mm beyond the duct's ends and to its sides that a hand can reach."""
 GAP_MM = 3.0  # between a free duct and where an empty dissector waits below it
-TUBE = 0  # there is one
 # Smallest and largest threshold, in thresholds of the preset.
 THRESHOLD_RANGE = (0.25, 2.0)
 BIN_MM, FREED_PART = 1.0, 0.95
@@ -84,21 +94,37 @@ class Touch(NamedTuple):
     station: float | None  # that it holds, mm along the beam
     place: Floats  # (3,) of its tip, mm
     rods: tuple[Rod, ...]
+    tube: str | None = None  # that it holds or last held
+
+
+class Event(NamedTuple):
+    """What has happened to a tube: where, when and by which hand."""
+
+    kind: EventKind
+    tick: int  # since all was whole
+    tube: str
+    station: float  # mm from the tube's first end
+    hand: int | None
 
 
 class SpatialTissue:
-    """A specimen's duct on its bed, two hands at it, and what has become of it."""
+    """A specimen's tubes in their tissue, two hands at them, and what has become of them.
+
+    Of a tube that is not named, the first is meant.
+    """
 
     def __init__(self, specimen: Specimen, *, broken_by_touch: bool = True) -> None:
         self.specimen, self._broken_by_touch = specimen, broken_by_touch
         self.threshold = specimen.threshold
-        self._rest = specimen.space_beam(elements=ELEMENTS)
-        layer = specimen.layer(self._rest)
-        self._strands = Strands.joined([]) if layer is None else layer.strands_under(self._rest)
-        self._floor = None if layer is None else layer.floor_under(self._rest)
-        self.radius = float(self._rest.radius.mean())  # mm
-        self.surface = BeddedSurface(self.dissection, self._rest, self._strands)
-        self._scale = self.surface.scale
+        self.tubes = specimen.tubes(elements=ELEMENTS)
+        self._rest = next(iter(self.tubes.network.tubes.values()))
+        self.radius = float(self._rest.radius.mean())  # of the first tube, mm
+        self.surface = self.tubes.surfaces[0]
+        # Hands go no farther than `REACH` beyond the frame's origin, the first tube and all others.
+        places = [each.places for each in self.tubes.network.tubes.values()]
+        ends = np.array([[0.0, 0.0, 0.0], [self.dissection.beam.span, 0.0, 0.0]])
+        places = np.concatenate([ends, *places])
+        self._reach = places.min(axis=0) - REACH, places.max(axis=0) + REACH
         self.prepare(None)
 
     @property
@@ -144,22 +170,29 @@ class SpatialTissue:
 
     def _make_whole(self) -> None:
         opened = self._opened
+        tubes = self.tubes
         self.beam = BeamOnBed(
-            replace(self._rest, ends=("clamped", "free")) if self.divided else self._rest,
-            self._strands,
-            floor=self._floor,
+            _with_free_end(tubes.network) if self.divided else tubes.network,
+            tubes.strands,
+            floor=tubes.floor,
             rods=2 * HANDS,
         )
         if opened is not None:
-            self.beam.break_between(self._scale * opened[0], self._scale * opened[1])
+            scale = self.surface.scale
+            self.beam.break_between(scale * opened[0], scale * opened[1])
+        self.fluids = tubes.fluids(self.beam)
+        self.events: list[Event] = []
+        self.ticks = 0  # since all was made whole
         self.hands = tuple(
             Hand(each, self.parking(hand, each)) for hand, each in enumerate(FIRST_INSTRUMENTS)
         )
-        self.torn: RuptureCheck | None = None
-        self.torn_element = -1  # of the beam, which is none any more
-        self.stress_ratio = self.station = (
-            0.0  # of the threshold, largest, and mm from the first clamp
-        )
+        self.tears: list[RuptureCheck | None] = [None] * len(tubes.names)
+        self.torn_elements = [-1] * len(tubes.names)  # of each tube, from 0
+        # of the strength, of each tube
+        self.stress_ratios = [0.0] * len(tubes.names)
+        # the largest; where, mm from that tube's first end, and of which tube
+        self.stress_ratio, self.station, self.worst_tube = 0.0, 0.0, 0
+        self._leaking: set[tuple[str, str]] = set()  # fluids and tubes that lose some
         self._peak = 0.0
         self.broken: int = self.beam.broken
         self.freed = self.beam.freed  # mm
@@ -189,25 +222,27 @@ class SpatialTissue:
             self.choose_instrument(hand, INSTRUMENTS[int(values[0])])
             return kind, values
         if kind == "grab":
-            at = min(max(float(values[-1]), 0.0), self.dissection.beam.span)
-            held = self.hands[hand].node is not None
-            place = self.grab(hand, at)
-            if place is not None and begin():
-                self.grab(hand, at)
-            return ("grab", (TUBE, at)) if held or place is not None else None
-        if kind == "move":
-            x, y, z = values
-            x = min(max(x, -REACH), self.dissection.beam.span + REACH)
-            y, z = min(max(y, -REACH), REACH), min(max(z, -REACH), REACH)
-            if [x, y, z] == self.hands[hand].target.tolist():
+            tube = int(values[0])
+            if not 0 <= tube < len(self.tubes.names):
                 return None
-            self.move_hand(hand, np.array([x, y, z]))
-            return "move", (x, y, z)
+            at = min(max(float(values[1]), 0.0), self.tubes.dissections[tube].beam.span)
+            held = self.hands[hand].node is not None
+            place = self.grab(hand, at, tube)
+            if place is not None and begin():
+                self.grab(hand, at, tube)
+            return ("grab", (tube, at)) if held or place is not None else None
+        if kind == "move":
+            low, high = self._reach
+            place = np.minimum(np.maximum(values, low), high)
+            if place.tolist() == self.hands[hand].target.tolist():
+                return None
+            self.move_hand(hand, place)
+            return "move", _vector(place.tolist())
         if kind == "release":
             return ("release", ()) if self.release(hand) else None
         if kind == "open":
             return self._open(hand, float(values[0]))
-        if kind == "threshold" and self.torn is None:
+        if kind == "threshold" and self.tears[0] is None:
             low, high = self.threshold_range
             wanted = min(max(float(values[0]), low), high)
             if wanted != self.threshold:
@@ -237,16 +272,18 @@ class SpatialTissue:
         for rod in self.touch(hand).rods:
             self.beam.set_rod(*rod)
 
-    def grab(self, hand: int, station: float) -> Floats | None:
-        """Take hold, mm from the first clamp; return the place, or None where it cannot."""
+    def grab(self, hand: int, station: float, tube: int = 0) -> Floats | None:
+        """Take hold, mm from a tube's first end; return the place, or None where it cannot."""
         holder = self.hands[hand]
-        if holder.instrument not in HOLDING or self.torn is not None:
+        if holder.instrument not in HOLDING or self.tears[tube] is not None:
             return None
         self.release(hand)
+        at = self.tubes.surfaces[tube].scale * station
         try:
-            holder.node = self.beam.take(self._scale * station)
+            holder.node = self.beam.take(at, self.tubes.names[tube])
         except ValueError:  # at a clamp, or on top of the other hook
             return None
+        holder.tube = tube
         holder.holds += 1
         holder.put(self.beam.places[holder.node])
         self._still = False
@@ -284,8 +321,14 @@ class SpatialTissue:
         radius = SWAB_RADIUS if instrument == "swab" else JAW_RADIUS
         rods = tuple(Rod(number, tip.copy(), TOWARDS_HAND[instrument], radius)
                      for number, tip in self._tips(hand))  # fmt: skip
-        station = None if node is None else float(self.beam.stations[node])
-        return Touch(station, holder.place.copy(), rods)
+        station = None if node is None else self._station_of(node, holder.tube)
+        return Touch(station, holder.place.copy(), rods, self.tubes.names[holder.tube])
+
+    def _station_of(self, node: int, tube: int) -> float:
+        """Return where a node is on a beam, mm."""
+        name = self.tubes.names[tube]
+        at = int(np.flatnonzero(self.beam.nodes_of(name) == node)[0])
+        return float(self.beam.stations_of(name)[at])
 
     def rods_of(self, hand: int) -> tuple[int, ...]:
         """Return the rods of the beam that are a hand's jaws or its swab."""
@@ -313,17 +356,24 @@ class SpatialTissue:
     @property
     def moving(self) -> bool:
         """Whether the next tick will change something."""
-        if self.torn is not None and self._torn_ticks * TICK_SECONDS < SETTLED_SECONDS:
+        if self._swinging or self._leaking:
             return True
         return not self._still or not all(hand.arrived for hand in self.hands)
 
+    @property
+    def _swinging(self) -> bool:
+        """Whether the first tube's drawn pieces still come to rest."""
+        return self.tears[0] is not None and self._torn_ticks * TICK_SECONDS < SETTLED_SECONDS
+
     def advance(self) -> bool:
         """Advance by one tick; return whether anything has moved."""
+        self.ticks += 1
         moved = self._advance()
-        if self.torn is not None and self._torn_ticks * TICK_SECONDS < SETTLED_SECONDS:
+        bled = self._bleed()
+        if self._swinging:
             self._torn_ticks += 1
             return True
-        return moved
+        return moved or bled
 
     def _advance(self) -> bool:
         if self._still and all(hand.arrived for hand in self.hands):
@@ -342,17 +392,83 @@ class SpatialTissue:
         self._still = farthest <= STILL_MM
         if broken != self.broken:
             self.broken, self.freed = broken, beam.freed
-        check = self.surface.check(beam, self.threshold)
-        self.station = check.station
-        self.stress_ratio = check.total_stress / self.threshold
-        self._peak = max(self._peak, self.stress_ratio)
-        if self.stress_ratio > 1.0 and self.torn is None:
-            self.torn = check
-            self.torn_element = beam.tear(beam.worst_stress().station)
-            self.broken, self.freed = beam.broken, beam.freed
-            for number in range(HANDS):  # a duct in two slips off what holds it
-                self.release(number)
+        self._take_stresses()
         return True
+
+    def _take_stresses(self) -> None:
+        """Hold the walls' stresses against their strengths; tear those that are past them."""
+        beam, stresses = self.beam, self.beam.stresses()
+        checks = [
+            surface.check(beam, strength, stresses)
+            for surface, strength in zip(self.tubes.surfaces, self.strengths, strict=True)
+        ]
+        self.stress_ratios = [each.total_stress / each.threshold for each in checks]
+        self.stress_ratio = max(self.stress_ratios)
+        self.worst_tube = self.stress_ratios.index(self.stress_ratio)
+        self.station = checks[self.worst_tube].station
+        self._peak = max(self._peak, self.stress_ratio)
+        for tube, (name, check) in enumerate(zip(self.tubes.names, checks, strict=True)):
+            if self.stress_ratios[tube] <= 1.0 or self.tears[tube] is not None:
+                continue
+            hand = self._hand_at(tube)
+            self.tears[tube] = check
+            self.torn_elements[tube] = beam.tear(beam.worst_stress(name, stresses).station, name)
+            self.broken, self.freed = beam.broken, beam.freed
+            self._note("tear", tube, check.station, hand)
+            for number, holder in enumerate(self.hands):  # it slips off what holds it
+                if holder.tube == tube:
+                    self.release(number)
+
+    def _hand_at(self, tube: int) -> int | None:
+        """Return the hand that pulls a tube, or else the one that pulls or presses hardest."""
+        forces = np.sqrt((self.forces**2).sum(axis=1))
+        for hand, holder in enumerate(self.hands):
+            if holder.node is not None and holder.tube == tube:
+                forces[hand] += forces.sum()
+        return int(forces.argmax()) if forces.any() else None
+
+    def _note(self, kind: EventKind, tube: int, station: float, hand: int | None) -> None:
+        self.events.append(Event(kind, self.ticks, self.tubes.names[tube], station, hand))
+
+    def _bleed(self) -> bool:
+        """Let fluids flow out of holes for a tick; return whether any does."""
+        for fluid, flow in self.fluids.items():
+            if not flow.advance(TICK_SECONDS) and not self._leaking:
+                continue
+            self._forget_reading()
+            rates: dict[str, float] = {}
+            for hole in flow.holes:
+                rates[hole.tube] = rates.get(hole.tube, 0.0) + hole.flow
+            for name, rate in rates.items():
+                now, key = rate > LEAST_FLOW, (fluid, name)
+                if now == (key in self._leaking):
+                    continue
+                self._leaking ^= {key}
+                tube = self.tubes.names.index(name)
+                at = next(hole.station for hole in flow.holes if hole.tube == name)
+                by = [each.hand for each in self.events if each.tube == name]
+                self._note(LOSSES[fluid] if now else "stanched", tube, at, by[-1] if by else None)
+        return bool(self._leaking)
+
+    @property
+    def strengths(self) -> tuple[float, ...]:
+        """Of each tube: the stress at which its wall tears, MPa; of the first the threshold."""
+        return self.threshold, *self.tubes.strengths[1:]
+
+    @property
+    def torn(self) -> RuptureCheck | None:
+        """Where and under what the first tube that tore has torn, or None."""
+        tear = next((each for each in self.events if each.kind == "tear"), None)
+        return None if tear is None else self.tears[self.tubes.names.index(tear.tube)]
+
+    @property
+    def over(self) -> bool:
+        """Whether all tubes have torn."""
+        return all(self.tears)
+
+    def tear_of(self, tube: int) -> RuptureCheck | None:
+        """Return where and under what a tube has torn, or None."""
+        return self.tears[tube]
 
     def reading(self) -> Reading:
         """Return what the instruments show now."""
@@ -372,7 +488,8 @@ class SpatialTissue:
         torn = Phase.TEARING if tear_front(elapsed) < 1.0 else Phase.TORN
         return Reading(
             phase=Phase.INTACT if self.torn is None else torn,
-            check=self.torn or self.surface.check(beam, self.threshold),
+            check=self.torn
+            or self.tubes.surfaces[self.worst_tube].check(beam, self.strengths[self.worst_tube]),
             stress_ratio=self.stress_ratio,
             forces=tuple(forces),
             places=tuple(_vector(hand.place.tolist()) for hand in self.hands),
@@ -387,6 +504,11 @@ class SpatialTissue:
             broken=self.broken,
             freed=self.freed,
             energy=beam.energy,
+            stress_ratios=tuple(self.stress_ratios),
+            fluids=tuple(
+                FluidReading(name, 1e-3 * flow.lost, 1e-3 * flow.left, 1e-3 * flow.rate)
+                for name, flow in self.fluids.items()
+            ),
         )
 
     @property
@@ -399,6 +521,12 @@ class SpatialTissue:
             *(f"hand_{hand + 1}_{name}" for hand in range(HANDS) for name in by_hand),
             "freed_mm", "strands_broken", "stress_ratio",
             "work_mJ", "stored_mJ", "dissipated_mJ", "torn",
+            *(
+                f"{name}_{figure}"
+                for name in self._others
+                for figure in ("stress_ratio", "freed_mm", "torn")
+            ),
+            *(f"{name}_lost_ml" for name in self.fluids),
         )  # fmt: skip
 
     def row(self) -> tuple[float, ...]:
@@ -423,7 +551,23 @@ class SpatialTissue:
             energy.stored,
             energy.dissipated,
             int(self.torn is not None),
+            *(
+                figure
+                for tube, name in enumerate(self.tubes.names)
+                if name in self._others
+                for figure in (
+                    self.stress_ratios[tube],
+                    self.beam.freed_of(name),
+                    int(self.tears[tube] is not None),
+                )
+            ),
+            *(1e-3 * flow.lost for flow in self.fluids.values()),
         )
+
+    @property
+    def _others(self) -> tuple[str, ...]:
+        """Names of tubes of which a table has figures of their own: where there are several."""
+        return self.tubes.names if len(self.tubes.names) > 1 else ()
 
     def held_place(self, hand: int) -> Vector | None:
         """Return where a hand holds the duct, mm, or None."""
@@ -432,7 +576,7 @@ class SpatialTissue:
 
     def draw(self, drawn: DrawnDuct) -> None:
         """Move the drawn surfaces; the pieces of a torn duct swing to where they come to rest."""
-        if self.torn is None:
+        if self.tears[0] is None:
             drawn.draw_moved(self.move)
             return
         # The beam is in its new equilibrium at once.
@@ -450,28 +594,31 @@ class SpatialTissue:
         self, drawn: DrawnDuct, out: NDArray[np.float32], surface: int
     ) -> NDArray[np.float32]:
         """Write the stress along the organ at each vertex of a drawn surface, MPa."""
-        at = self.beam.stations / self.surface.scale
-        return drawn.write_bed_stress(at, self.beam.stresses(), out, surface)
+        at = self.beam.stations_of() / self.surface.scale
+        stresses = self.beam.stresses()[self.beam.elements_of()]
+        return drawn.write_bed_stress(at, stresses, out, surface)
 
     # Runs
 
     def start(self) -> Callable[[], RunStart]:
         """Return what makes the start of a run that begins now."""
         specimen, threshold = self.specimen, self.threshold
-        preset, bed = specimen.preset, specimen.bed
+        preset, bed, anatomy = specimen.preset, specimen.bed, specimen.anatomy
+        strands = self.tubes.strands
         tips = tuple(_vector(hand.place.tolist()) for hand in self.hands)
         return lambda: RunStart(
             preset.name if preset.ships else preset,
             threshold,
             bed=None if bed is None else named_or_whole(bed),
             bed_seed=None if bed is None else specimen.bed_seed,
-            strands_sha256=None if bed is None else strands_digest(self._strands),
+            strands_sha256=strands_digest(strands) if strands.count else None,
             law=preset.law,
             stiffening=preset.stiffening,
             elements=ELEMENTS,
             substeps=SUBSTEPS,
             broken_by_touch=self._broken_by_touch,
             tips_mm=tips,
+            anatomy=None if anatomy is None else anatomy_or_name(anatomy),
         )
 
     def taker(self, exercise: Exercise | None) -> Taker:
@@ -502,21 +649,25 @@ class SpatialTissue:
 
     def freed_at(self, stations: Floats) -> Floats:
         """Return the share of strands that have parted about each station, mm, 0 to 1."""
-        return self.surface.freed_at(self.beam.damage, stations)
+        return self.surface.freed_at(self.beam.damage[self.tubes.strands_of[0]], stations)
 
     def held_at(self, hand: int) -> float | None:
-        """Return the station that a hand holds, mm from the first clamp, or None."""
-        node = self.hands[hand].node
-        return None if node is None else float(self.beam.stations[node]) / self._scale
+        """Return the station that a hand holds, mm from its tube's first end, or None."""
+        holder = self.hands[hand]
+        if holder.node is None:
+            return None
+        return self._station_of(holder.node, holder.tube) / self.tubes.surfaces[holder.tube].scale
 
-    def freed_stretches(self) -> list[tuple[float, float]]:
-        """Return the stretches that are free, mm from the first clamp to mm, in order."""
+    def freed_stretches(self, tube: int = 0) -> list[tuple[float, float]]:
+        """Return the stretches of a tube that are free, mm from its first end to mm, in order."""
         # Free is a bin of about `BIN_MM` of whose strands at least `FREED_PART` have parted.
-        span = self.dissection.beam.span
+        span, surface = self.tubes.dissections[tube].beam.span, self.tubes.surfaces[tube]
         bins = max(1, round(span / BIN_MM))
-        place = (self._strands.stations * (bins / self._rest.span)).astype(np.int64)
+        length = self.tubes.network.tubes[self.tubes.names[tube]].span
+        place = (surface.strands.stations * (bins / length)).astype(np.int64)
         place = np.minimum(place, bins - 1)
-        whole = np.bincount(place, self.beam.damage < 1.0, minlength=bins)
+        damage = self.beam.damage[self.tubes.strands_of[tube]]
+        whole = np.bincount(place, damage < 1.0, minlength=bins)
         most = (1.0 - FREED_PART) * np.bincount(place, minlength=bins)
         free = np.concatenate([[False], whole <= most, [False]])
         edges = np.flatnonzero(free[1:] != free[:-1]) * (span / bins)
@@ -524,7 +675,14 @@ class SpatialTissue:
 
     def move(self, out: Floats, piece: int | None = None) -> Floats:
         """Write the (D, 3, 4) transforms of the driving points, of a torn duct's piece 0 or 1."""
-        return self.surface.move(self.beam, out, piece, self.torn_element)
+        return self.surface.move(self.beam, out, piece, self.torn_elements[0])
+
+
+def _with_free_end(network: Network) -> Network:
+    """Return a network whose first tube's second end is free."""
+    name, first = next(iter(network.tubes.items()))
+    free = replace(first, ends=("clamped", "free"))
+    return Network({**network.tubes, name: free}, network.joins)
 
 
 @njit(cache=True, nogil=True)

@@ -4,16 +4,20 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
+from app.anatomy import Anatomy, tube_line
 from app.simulation.bed_preset import BedPreset
 from app.simulation.dissection import Dissection
 from app.simulation.preset import Preset, RoundBeam
+from app.simulation.tubes import Tubes, tube_organ, tube_preset
 from organ_geometry import Organ
 from physics import Beam, Exact, Theory
-from physics.bed import BeamOnBed, Bed, SpaceBeam
+from physics.bed import BeamOnBed, Bed, Network, SpaceBeam, Strands
 from physics.quantity import positive
 
 __all__ = ["Specimen"]
 
+DUCT = "duct"
+"""Name of the tube where there is one."""
 LINEAR_UP_TO = 0.3
 """Strength over modulus up to which every duct of the linear law breaks (docs/theory.md)."""
 
@@ -24,7 +28,7 @@ class Specimen:
 
     Without an `organ` it is the preset's own round beam. A `theory` solves a free duct in the plane
     of its pull; without one the duct is a beam in space, free or in a `bed`, whose wall has the
-    preset's law.
+    preset's law. An `anatomy` has several tubes and its own tissue (`of_anatomy`).
     """
 
     preset: Preset
@@ -34,8 +38,14 @@ class Specimen:
     bed_seed: int = 1  # of the bed's scatter
     theory: Theory | None = None
     threshold_MPa: float | None = None  # the preset's own when None  # noqa: N815
+    anatomy: Anatomy | None = None  # of several tubes, of which preset and organ are the first's
 
     def __post_init__(self) -> None:
+        if self.anatomy is not None and (self.bed is not None or self.theory is not None):
+            raise ValueError(
+                f"the anatomy {self.anatomy.name!r} has its own tissue: it takes no bed and no "
+                "theory of the plane"
+            )
         if self.bed is not None and self.theory is not None:
             raise ValueError(
                 f"a duct in a bed is a beam in space, not solved by the {self.theory.name} theory"
@@ -63,9 +73,36 @@ class Specimen:
             preset, organ, bed, bed_seed=bed_seed, theory=theory, threshold_MPa=threshold_MPa
         )
 
+    @classmethod
+    def of_anatomy(cls, anatomy: Anatomy) -> "Specimen":
+        """Return an anatomy's tubes in their tissue."""
+        first = anatomy.tube[0]
+        return cls(tube_preset(first), tube_organ(first, tube_line(first)), anatomy=anatomy)
+
+    def tubes(self, *, elements: int) -> Tubes:
+        """Return the tubes at rest; a single duct's beam has so many elements."""
+        if self.anatomy is not None:
+            return self._anatomy_tubes
+        rest = self.space_beam(elements=elements)
+        layer = self.layer(rest)
+        return Tubes(
+            Network({DUCT: rest}),
+            Strands.joined([]) if layer is None else layer.strands_under(rest),
+            None if layer is None else (layer.floor_under(rest),),
+            (self.dissection,),
+            (self.threshold,),
+        )
+
+    @cached_property
+    def _anatomy_tubes(self) -> Tubes:
+        assert self.anatomy is not None  # noqa: S101 (the caller has looked)
+        return Tubes.of_anatomy(self.anatomy)
+
     @cached_property
     def dissection(self) -> Dissection:
         """The organ between its clamps."""
+        if self.anatomy is not None:
+            return self._anatomy_tubes.dissections[0]
         if self.organ is None:
             raise ValueError(f"preset {self.preset.name} is solved without an organ here")
         return Dissection.of(self.organ, self.preset)

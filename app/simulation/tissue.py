@@ -40,7 +40,16 @@ class Tissue(Protocol):
 
     @property
     def torn(self) -> RuptureCheck | None:
-        """Where and under what the wall has torn, or None."""
+        """Where and under what the wall has torn, of several tubes the first that tore, or None."""
+        ...
+
+    @property
+    def over(self) -> bool:
+        """Whether all that there is has torn."""
+        ...
+
+    def tear_of(self, tube: int) -> RuptureCheck | None:
+        """Return where and under what a tube has torn, or None."""
         ...
 
     @property

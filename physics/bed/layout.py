@@ -16,7 +16,7 @@ from physics.bed.network import Elimination, Network
 from physics.bed.space_beam import HELD, tangents
 from physics.bed.strands import Strands
 
-__all__ = ["REACH_OF_RODS", "Coupling", "Rest", "Tube", "shapes", "state_of"]
+__all__ = ["REACH_OF_RODS", "Coupling", "Rest", "Tube", "shapes", "state_of", "times"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -245,7 +245,7 @@ class Rest:
     def _rotations(self, q: Floats, tube: Tube, k: int, after: int) -> Floats:
         """Return the (2, 4) rotations of a tube's k-th node and of a neighbour, as the tube's."""
         element, end = tube.elements.start + min(k, after), int(after > k)
-        return np.stack([q[tube.nodes[k]], _times(q[tube.nodes[after]], self.turn[element, end])])
+        return np.stack([q[tube.nodes[k]], times(q[tube.nodes[after]], self.turn[element, end])])
 
 
 def shapes(rest: Rest, rods: int = 0) -> Shapes:
@@ -408,7 +408,7 @@ def _at_ends(rows: Floats) -> Floats:
     return np.stack([rows[:-1], rows[1:]], axis=1)
 
 
-def _times(a: Floats, b: Floats) -> Floats:
+def times(a: Floats, b: Floats) -> Floats:
     """Return the product of two quaternions."""
     w, x, y, z = a
     p, q, r, s = b
@@ -424,7 +424,7 @@ def _times(a: Floats, b: Floats) -> Floats:
 
 def _relative(of: Floats, to: Floats) -> Floats:
     """Return the quaternion that leads from one rotation to another."""
-    return _times(of * np.array([1.0, -1.0, -1.0, -1.0]), to)
+    return times(of * np.array([1.0, -1.0, -1.0, -1.0]), to)
 
 
 def _between(x: Floats, slopes: Floats, u: float) -> Floats:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kernel_cache import njit
 from physics.bed import kernels
-from physics.bed.layout import Rest
+from physics.bed.layout import Rest, times
 from physics.quantity import finite
 
 __all__ = ["EnergyBalance", "Readings", "WorstStress", "worst_stress"]
@@ -95,6 +95,19 @@ class Readings:
     def stations_of(self, tube: str | None = None) -> Floats:
         """Return the (n,) stations of a tube's nodes, mm from its first end."""
         return self._rest.tube(tube).stations
+
+    def shape_of(self, tube: str | None = None) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return a tube's (n, 3) places and (n, 4) rotations now, and both at rest."""
+        # A joined end has the rotation of the node that it shares, turned to the tube's own.
+        which, rest = self._rest.tube(tube), self._rest
+        x, q, rest_x, rest_q = (
+            each[which.nodes] for each in (self.state.x, self.state.q, rest.x, rest.q)
+        )
+        for end, element in ((0, which.elements.start), (1, which.elements.stop - 1)):
+            if which.joined[end]:
+                for each in (q, rest_q):
+                    each[-end] = times(each[-end], rest.turn[element, end])
+        return x, q, rest_x, rest_q
 
     @property
     def places(self) -> Floats:
@@ -234,10 +247,11 @@ class Readings:
         loads = np.stack([section[:, [9, 4, 5]], section[:, [10, 7, 8]]], axis=1)
         return loads / wall
 
-    def worst_stress(self, tube: str | None = None) -> WorstStress:
-        """Return the largest stress of a tube's wall, over its nodes."""
+    def worst_stress(self, tube: str | None = None, stresses: Floats | None = None) -> WorstStress:
+        """Return the largest stress of a tube's wall over its nodes, of `stresses` if given."""
         which = self._rest.tube(tube)
-        node, normal, up, across = worst_stress(self.stresses()[which.elements])
+        whole = self.stresses() if stresses is None else stresses
+        node, normal, up, across = worst_stress(whole[which.elements])
         if node < 0:
             return WorstStress(0.0, 0.0, 0.0, 0.0)
         bending = math.sqrt(up * up + across * across)

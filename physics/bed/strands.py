@@ -147,6 +147,10 @@ class Strands:
             *(np.concatenate([getattr(bed, each.name) for bed in beds]) for each in fields(cls))
         )
 
+    def some(self, which: Ints) -> "Strands":
+        """Return some of them by their numbers."""
+        return Strands(*(getattr(self, each.name)[which] for each in fields(self)))
+
     @classmethod
     def between(
         cls,

@@ -1,0 +1,119 @@
+"""A specimen's tubes at rest: beams that join, their surfaces, walls and fluids; the strands."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.anatomy import Anatomy, TubeLine, TubeTable, anatomy_network, tube_lines
+from app.simulation.bedded_surface import BeddedSurface
+from app.simulation.dissection import DRIVING_POINTS_PER_SPAN, Dissection
+from app.simulation.preset import OrganBeam, Preset
+from organ_geometry import DrivingPoints, Organ, round_organ
+from physics import Beam
+from physics.bed import BeamOnBed, Flow, Network, SpaceBeam, Strands
+
+__all__ = ["Tubes", "tube_organ", "tube_preset"]
+
+Floats = NDArray[np.float64]
+
+
+def no_fluids(_: BeamOnBed) -> dict[str, Flow]:
+    """Return the fluids of tubes that have none."""
+    return {}
+
+
+@dataclass(frozen=True, eq=False)
+class Tubes:
+    """Tubes at rest in the tissue that holds them; of a single duct there is one.
+
+    Attributes
+    ----------
+    network, strands, floor
+        As `BeamOnBed` takes them.
+    dissections
+        Of each tube: its surface, and how that follows the beam.
+    strengths
+        Of each tube: the stress at which its wall tears, MPa.
+    fluids
+        Returns the fluids in the tubes of a network on its bed, by name.
+    """
+
+    network: Network
+    strands: Strands
+    floor: tuple[Floats, ...] | None
+    dissections: tuple[Dissection, ...]
+    strengths: tuple[float, ...]
+    fluids: Callable[[BeamOnBed], Mapping[str, Flow]] = no_fluids
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of the tubes, in order."""
+        return tuple(self.network.tubes)
+
+    @cached_property
+    def strands_of(self) -> tuple[NDArray[np.int64], ...]:
+        """Of each tube the numbers of the strands that hold it."""
+        return tuple(np.flatnonzero(self.strands.tubes == each) for each in range(len(self.names)))
+
+    @cached_property
+    def surfaces(self) -> tuple[BeddedSurface, ...]:
+        """Of each tube: how its surface follows the beam."""
+        return tuple(
+            BeddedSurface(dissection, rest, self.strands.some(mine), name)
+            for dissection, (name, rest), mine in zip(
+                self.dissections, self.network.tubes.items(), self.strands_of, strict=True
+            )
+        )
+
+    @classmethod
+    def of_anatomy(cls, anatomy: Anatomy) -> "Tubes":
+        """Return the tubes of an anatomy, all in its frame."""
+        made, lines = anatomy_network(anatomy), tube_lines(anatomy)
+        return cls(
+            made.network,
+            made.strands,
+            made.floor,
+            tuple(
+                _dissection(each, lines[each.name], made.network.tubes[each.name])
+                for each in anatomy.tube
+            ),
+            tuple(float(each.strength_MPa) for each in anatomy.tube),
+            made.flows,
+        )
+
+
+def tube_preset(tube: TubeTable) -> Preset:
+    """Return the wall of an anatomy's tube as a preset."""
+    return Preset(
+        name=tube.name,
+        beam=OrganBeam(wall_mm=float(tube.wall_mm)),
+        modulus_MPa=float(tube.modulus_MPa),
+        law="linear",
+        break_stress_MPa=float(tube.strength_MPa),
+        source=tube.source or "The anatomy's file.",
+    )
+
+
+def tube_organ(tube: TubeTable, line: TubeLine) -> Organ:
+    """Return the round surface of an anatomy's tube, in the anatomy's frame."""
+    return round_organ(line.places, line.radius, tube.name)
+
+
+def _dissection(tube: TubeTable, line: TubeLine, rest: SpaceBeam) -> Dissection:
+    """Return a tube's round surface in the anatomy's frame, driven along its axis."""
+    preset, organ = tube_preset(tube), tube_organ(tube, line)
+    beam = Beam.round(
+        span=rest.span,
+        diameter=2.0 * float(line.radius.mean()),
+        modulus=preset.modulus_MPa,
+        poisson_ratio=preset.poisson_ratio,
+        wall=float(tube.wall_mm),
+    )
+    clamps = 0.0, organ.length
+    driving = DrivingPoints.of(
+        organ, spacing=organ.length / DRIVING_POINTS_PER_SPAN, at=np.array(clamps)
+    )
+    return Dissection(organ, preset, beam, clamps, driving, np.eye(3), np.zeros(3))
