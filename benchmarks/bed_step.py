@@ -15,7 +15,7 @@ from rich.console import Console
 from benchmarks.duct import DUCT
 from kernel_cache import njit
 from physics import Exponential, Law, Linear, NeoHooke
-from physics.bed import BeamOnBed, Bed, SpaceBeam, Strands
+from physics.bed import BeamOnBed, Bed, Relaxation, SpaceBeam, Strands
 
 __all__ = ["bed_figures", "measure_bed"]
 
@@ -29,6 +29,8 @@ DENSITY = 1e-9
 
 
 LINEAR = Linear(shear=True)
+TWO = Relaxation((0.2, 0.225), (3.83, 30.15))
+"""Two branches, of strands and of the wall."""
 
 
 def layer(strands: int) -> Bed:
@@ -49,11 +51,16 @@ def timed(step: Callable[[int], object]) -> Floats:
     return times[50:]
 
 
-def ours(strands: int, law: Law = LINEAR) -> tuple[Floats, int]:
+def ours(
+    strands: int, law: Law = LINEAR, *, relaxation: Relaxation | None = None
+) -> tuple[Floats, int]:
     """Return the times of our steps and how many strands have parted."""
     beam = SpaceBeam.of(DUCT, law=law, elements=ELEMENTS)
     bed = layer(strands)
-    live = BeamOnBed(beam, bed.strands_under(beam), floor=bed.floor_under(beam))
+    live = BeamOnBed(
+        beam, bed.strands_under(beam), floor=bed.floor_under(beam),
+        strand_relaxation=relaxation, wall_relaxation=relaxation,
+    )  # fmt: skip
     node = live.take(0.5 * beam.span)
     start = live.places[node].copy()
 
@@ -273,6 +280,7 @@ def bed_figures() -> dict[str, Any]:
         ("ours_600", ours, 600),
         ("ours_neo_hooke_600", lambda strands: ours(strands, NeoHooke()), 600),
         ("ours_exponential_600", lambda strands: ours(strands, Exponential(6.0)), 600),
+        ("ours_relaxing_600", lambda strands: ours(strands, relaxation=TWO), 600),
         ("ours_2000", ours, 2000),
         ("mass_spring_600", mass_spring, 600),
         ("mujoco_600", mujoco, 600),

@@ -6,6 +6,7 @@ from physics.bed.flow import Flow, Fluid
 from physics.bed.network import Join, Network
 from physics.bed.pull import Hand, History, Rod, pull, step_places
 from physics.bed.readings import EnergyBalance, WorstStress
+from physics.bed.relaxation import Relaxation
 from physics.bed.space_beam import End, SpaceBeam
 from physics.bed.strands import Strands
 
@@ -21,6 +22,7 @@ __all__ = [
     "Join",
     "Network",
     "Patch",
+    "Relaxation",
     "Rod",
     "SpaceBeam",
     "Strands",

@@ -16,6 +16,7 @@ from physics.bed import kernels, quasi_static
 from physics.bed.layout import Coupling, Rest, state_of
 from physics.bed.network import Network
 from physics.bed.readings import Readings
+from physics.bed.relaxation import Relaxation
 from physics.bed.space_beam import SpaceBeam
 from physics.bed.strands import Strands
 from physics.equilibrium import NoEquilibrium
@@ -58,6 +59,8 @@ class BeamOnBed(Readings):
     retrace
         Whether real-time ticks whose energy the trapezoidal rule leaves open are followed along
         their way in shorter parts, some milliseconds in the worst of them. What moves is the same.
+    strand_relaxation, wall_relaxation
+        How strands and the tubes' walls relax while they are held; at no rate when None.
     coupling
         How strands between tubes are coupled in real time; see `layout.Coupling`.
     out
@@ -73,6 +76,8 @@ class BeamOnBed(Readings):
         rods: int = 0,
         plane: bool = False,
         retrace: bool = False,
+        strand_relaxation: Relaxation | None = None,
+        wall_relaxation: Relaxation | None = None,
         coupling: Coupling = "exact",
         out: kernels.State | None = None,
     ) -> None:
@@ -85,7 +90,15 @@ class BeamOnBed(Readings):
         )
         if isinstance(floor, np.ndarray):
             floor = [floor]
-        super().__init__(rest, state_of(rest, floor=floor, rods=rods, retrace=retrace, out=out))
+        state = state_of(
+            rest,
+            floor=floor,
+            rods=rods,
+            retrace=retrace,
+            relaxation=(strand_relaxation, wall_relaxation),
+            out=out,
+        )
+        super().__init__(rest, state)
         self._coupling = coupling
         self._gross = 0.0  # sizes of all works, mJ
 
@@ -225,6 +238,7 @@ class BeamOnBed(Readings):
             if moment[first + element - 1] > moment[first + element]:
                 element -= 1
         self._rest.stiffness[first + element] = 0.0
+        self.state.wall_memory[:, 6 * (first + element) : 6 * (first + element + 1)] = 0.0
         self._rest.write(self.state)
         self.state.sums[kernels.SNAP] -= self._changed()
         return element
@@ -242,8 +256,24 @@ class BeamOnBed(Readings):
 
     # Steps
 
-    def advance(self) -> None:
-        """Advance to the hands' targets through equilibria, independent of any rate."""
+    def advance(self, seconds: float = 0.0) -> None:
+        """Advance to the hands' targets through equilibria.
+
+        Parameters
+        ----------
+        seconds
+            Time that goes by meanwhile, in which strands and walls relax; nothing else depends on
+            it. In 0 s they answer as at once.
+
+        Raises
+        ------
+        ValueError
+            If the time is no number of 0 or more, or strands between tubes are not coupled exactly.
+        NoEquilibrium
+            If there is none near the last one.
+        """
+        if not finite(seconds, "a step", "s") >= 0.0:
+            raise ValueError(f"a step must take 0 s or more, got {seconds:g} s")
         if self._coupling != "exact":
             raise ValueError("an equilibrium needs strands between tubes that are coupled exactly")
         self._account()
@@ -254,6 +284,7 @@ class BeamOnBed(Readings):
             span=span,
             far=1e3 * span + float(np.abs(self.rest_places).max()),
             rounding=self.rounding,
+            seconds=seconds,
         )
 
     def tick(self, seconds: float, *, ticks: int = 1) -> None:
@@ -263,7 +294,7 @@ class BeamOnBed(Readings):
         if not 0.0 < seconds < math.inf:
             positive(seconds, "a tick", "s")
         step = seconds / ticks
-        if not _TICK(self.state, ticks, step / (DELAY + step), DRAG / step):
+        if not _TICK(self.state, ticks, step / (DELAY + step), DRAG / step, step):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 
     def assemble_ahead(self, seconds: float) -> None:

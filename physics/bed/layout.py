@@ -13,10 +13,21 @@ from numpy.typing import NDArray
 
 from physics.bed import kernels
 from physics.bed.network import Elimination, Network
+from physics.bed.relaxation import Relaxation
 from physics.bed.space_beam import HELD, tangents
 from physics.bed.strands import Strands
 
-__all__ = ["REACH_OF_RODS", "Coupling", "Rest", "Tube", "shapes", "state_of", "times"]
+__all__ = [
+    "AT_ONCE",
+    "REACH_OF_RODS",
+    "Coupling",
+    "Relaxing",
+    "Rest",
+    "Tube",
+    "shapes",
+    "state_of",
+    "times",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,6 +35,10 @@ Shapes = dict[str, tuple[tuple[int, ...], type[np.generic]]]
 Coupling = Literal["exact", "lagged"]
 """How strands between tubes are coupled in real time: by a block for each pair of nodes, or not
 at all, so that either node moves as if the other stood still."""
+
+Relaxing = tuple[Relaxation | None, Relaxation | None]
+"""How strands and walls relax; what is None does not."""
+AT_ONCE: Relaxing = (None, None)
 
 REACH_OF_RODS = 12.0
 """How far from the beam's surface and the rod's a strand may still touch the rod, mm."""
@@ -248,8 +263,10 @@ class Rest:
         return np.stack([q[tube.nodes[k]], times(q[tube.nodes[after]], self.turn[element, end])])
 
 
-def shapes(rest: Rest, rods: int = 0) -> Shapes:
+def shapes(rest: Rest, rods: int = 0, relaxation: Relaxing = AT_ONCE) -> Shapes:
     """Return shape and type of each of a state's arrays, by its name."""
+    branches = max(0 if each is None else len(each.times) for each in relaxation)
+    strands, walls = (int(each is not None) for each in relaxation)
     nodes, count, elements = rest.stations.size, rest.strands.count, len(rest.ends)
     solid = 0 if rest.fibres is None else elements
     three, six, diagonal = (nodes, 3), (nodes, 6), (nodes, 6, 6)
@@ -273,7 +290,9 @@ def shapes(rest: Rest, rods: int = 0) -> Shapes:
         "react": three, "damage_correction": six, "rods_damage_correction": at_rods, "moved": six,
         "g_before": six, "load_before": three, "pull_before": at_rods, "g_middle": six,
         "pull_middle": at_rods, "damage_before": (count,), "side_before": touched,
-        "damage_ahead": (count,), "sums": (kernels.SUM_ROWS,),
+        "damage_ahead": (count,), "branch": (2, branches, 4),
+        "memory": (kernels.SPRING + branches, strands * count),
+        "wall_memory": (kernels.OVER + branches, walls * 6 * elements), "sums": (kernels.SUM_ROWS,),
     }  # fmt: skip
     return {
         name: (sizes[name], np.int64 if name in WHOLE_NUMBERS else np.float64)
@@ -287,6 +306,7 @@ def state_of(
     floor: Sequence[Floats] | None = None,
     rods: int = 0,
     retrace: bool = False,
+    relaxation: Relaxing = AT_ONCE,
     out: kernels.State | None = None,
 ) -> kernels.State:
     """Return the state of a network at rest on its bed.
@@ -302,6 +322,8 @@ def state_of(
         How many rods there may be.
     retrace
         As of `BeamOnBed`.
+    relaxation
+        Of strands and of walls.
     out
         Arrays of the `shapes`, which are overwritten; new ones when None.
 
@@ -311,7 +333,7 @@ def state_of(
         `out`, or a new state.
     """
     if out is None:
-        made: list[Any] = [np.zeros(*each) for each in shapes(rest, rods).values()]
+        made: list[Any] = [np.zeros(*each) for each in shapes(rest, rods, relaxation).values()]
         s = kernels.State(*made)
     else:
         s = out
@@ -356,6 +378,12 @@ def state_of(
         s.thick[tube.nodes, 1] += kernels.CONTACT_STIFFNESS * widths
     s.side[:] = kernels.NO_CONTACT
     s.sums[kernels.RETRACED] = retrace
+    s.branch[:, :, kernels.TIME] = np.inf
+    for rows, each in zip(s.branch, relaxation, strict=True):
+        if each is not None:
+            rows[: len(each.times), kernels.FRACTION] = each.fractions
+            rows[: len(each.times), kernels.TIME] = each.times
+    kernels.begin(s, 0.0)
     rest.write(s)
     return s
 

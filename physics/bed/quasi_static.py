@@ -32,6 +32,8 @@ TOLERANCE, OPEN = 1e-9, 1e-5
 # Factors of a substep whose energy does not balance, and of one after an eighth of that error.
 SHORTER, LONGER = 0.2, 3.0
 SHORTEST = 0.5**24
+# Longest substep over the shortest time in which something relaxes, or over the time gone by.
+PART = 0.125
 # Rounding over E I / span^2, a force that bends the beam, from which on searches may fail.
 TOO_STIFF = 1e-4
 
@@ -46,11 +48,13 @@ class _Forces(NamedTuple):
     places: Floats
     tips: Floats
     stored: float
+    viscous: float
 
     @classmethod
     def of(cls, s: kernels.State) -> "_Forces":
         """Return those of the present state, with damage fixed."""
         kernels.assemble(s, kernels.FROZEN, 0.0)
+        kernels.recall(s)
         stored = s.sums[kernels.BEAM] + s.sums[kernels.STRANDS] + s.sums[kernels.CONTACT]
         bits = (s.held[:, None] >> np.arange(3)) & 1
         holds = np.where(bits, s.g[:, :3], s.spring * (s.goal - s.x))
@@ -62,6 +66,7 @@ class _Forces(NamedTuple):
             s.x.copy(),
             s.rods[:, :3].copy(),
             float(stored),
+            float(s.sums[kernels.SETTLED] + s.sums[kernels.PENDING]),
         )
 
 
@@ -109,6 +114,7 @@ class EnergyAudit:
         gross = spent.entered + sum(float(np.abs(term).sum()) for term in each)
         unsure = sum(0.5 * float(np.abs((b - a) * w).sum()) for a, b, w in sides)
         missing = work - (after.stored - before.stored) - spent.lost - spent.slipped
+        missing -= after.viscous - before.viscous
         total = self.gross + gross
         # Noise of forces works where hands lead: free nodes stay where they balance.
         led = (moved[0], moved[1][after.loads != 0.0], moved[2])
@@ -125,14 +131,16 @@ class EnergyAudit:
         sums = self._s.sums
         sums[kernels.WORK] += work
         sums[kernels.ROD_WORK] += float(each[2].sum()) + spent.entered
-        sums[kernels.STORED] = after.stored
+        sums[kernels.STORED], sums[kernels.VISCOUS] = after.stored, after.viscous
         sums[kernels.DISSIPATED] += spent.lost
         sums[kernels.SNAP] += spent.slipped + (missing if not close and missing > 0.0 else 0.0)
         self._s.react[:] = after.holds
         return LONGER if abs(missing) <= 0.125 * OPEN * gross + least else 1.0
 
 
-def advance(s: kernels.State, *, gross: float, span: float, far: float, rounding: float) -> float:
+def advance(
+    s: kernels.State, *, gross: float, span: float, far: float, rounding: float, seconds: float
+) -> float:
     """Advance to the hands' targets through equilibria.
 
     Parameters
@@ -147,6 +155,8 @@ def advance(s: kernels.State, *, gross: float, span: float, far: float, rounding
         Distance from the origin, mm, beyond which nothing holds the beam any more.
     rounding
         Error of forces from places rounded to their last digit, N.
+    seconds
+        Time that the step takes, of all substeps alike.
 
     Returns
     -------
@@ -159,6 +169,10 @@ def advance(s: kernels.State, *, gross: float, span: float, far: float, rounding
         If there is none near the last one.
     """
     s.goal_from[:], s.load_from[:], s.rods_from[:] = s.goal, s.load, s.rods
+    relaxes = s.branch.shape[1] > 0
+    quickest = float(s.branch[..., kernels.TIME].min(initial=np.inf))
+    if relaxes:
+        kernels.settle(s, 0.0)
     audit = EnergyAudit(s, gross, 2.0 * rounding)
     done, size, largest = 0.0, 1.0, 1.0
     # A rod goes no farther at once than half its radius, lest it should jump over a strand.
@@ -177,6 +191,11 @@ def advance(s: kernels.State, *, gross: float, span: float, far: float, rounding
             if clear < SHORTEST:
                 raise NoEquilibrium("a rod would have to pass through the beam to go on")
             size = min(size, clear)
+        if relaxes:
+            brief = PART * max(quickest, done * seconds)
+            if size * seconds > brief:
+                size = brief / seconds
+            kernels.begin(s, size * seconds)
         back = tuple(each.copy() for each in (s.x, s.q, s.damage, s.side, s.sums))
         _set_goals(s, done + size)
         spent = _settle(s, rounding)
@@ -186,6 +205,8 @@ def advance(s: kernels.State, *, gross: float, span: float, far: float, rounding
                 size *= 0.5
                 continue
             _set_goals(s, done)
+            if relaxes:
+                kernels.begin(s, 0.0)
             kernels.assemble(s, kernels.FROZEN, 0.0)
             raise NoEquilibrium(
                 "no equilibrium was found near the last one, however small the "
@@ -196,6 +217,8 @@ def advance(s: kernels.State, *, gross: float, span: float, far: float, rounding
             s.x[:], s.q[:], s.damage[:], s.side[:], s.sums[:] = back
         else:
             done += size
+            if relaxes:
+                kernels.settle(s, 0.0)
             if np.abs(s.x).max() > far:
                 raise NoEquilibrium("the forces carry the beam away: nothing holds it any more")
         size *= factor

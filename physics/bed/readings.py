@@ -19,7 +19,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class EnergyBalance:
-    """The energy balance, mJ: work = stored + dissipated + snap + drag + lag + residual.
+    """The energy balance, mJ: the work, and all that it has become.
+
+    work = stored + dissipated + viscous + snap + drag + lag + residual.
 
     In real time it stands at the beginning of the last tick.
     """
@@ -33,6 +35,7 @@ class EnergyBalance:
     # sign, and small unless hands tremble or leap
     lag: float
     residual: float  # what the trapezoidal rule leaves unexplained
+    viscous: float  # dissipated by strands and walls that relax
     rod_work: float  # the part of the work that was done on rods
     rod_dissipated: float  # the part dissipated in strands that lay against a rod
 
@@ -220,7 +223,7 @@ class Readings:
         sums: list[float] = self.state.sums.tolist()
         work, stored = sums[kernels.WORK], sums[kernels.STORED]
         dissipated, snap, drag = sums[kernels.DISSIPATED], sums[kernels.SNAP], sums[kernels.DRAG]
-        lag = sums[kernels.LAG]
+        lag, viscous = sums[kernels.LAG], sums[kernels.VISCOUS]
         return EnergyBalance(
             work,
             stored,
@@ -228,7 +231,8 @@ class Readings:
             snap,
             drag,
             lag,
-            residual=work - (stored + dissipated + snap + drag + lag),
+            residual=work - (stored + dissipated + viscous + snap + drag + lag),
+            viscous=viscous,
             rod_work=sums[kernels.ROD_WORK],
             rod_dissipated=sums[kernels.ROD_DISSIPATED],
         )

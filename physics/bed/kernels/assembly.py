@@ -13,10 +13,13 @@ from physics.bed.kernels.state import (
     CLEAR,
     CONTACT,
     LOADS,
+    PENDING,
+    PUSHED,
     RELAXED,
     RETRACED,
     SLIPPED_NOW,
     STRANDS,
+    WALL_PACE,
     State,
     copy_values,
 )
@@ -58,6 +61,7 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
     s.damage_correction[:] = 0.0
     s.rods_damage_correction[:] = 0.0
     s.sums[CONTACT] = s.sums[BENT_NOW] = s.sums[SLIPPED_NOW] = 0.0
+    s.sums[PENDING] = s.sums[PUSHED] = 0.0
     s.sums[BEAM] = beam_pass(
         s.x,
         s.q,
@@ -70,6 +74,8 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
         s.wall,
         s.strained,
         s.fibres,
+        s.wall_memory,
+        s.sums[WALL_PACE],
         s.g,
         s.diagonal,
         s.block,

@@ -18,6 +18,7 @@ difference of two energies.
 
 from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
+from physics.bed.kernels.relaxation import remember
 from physics.bed.kernels.state import (
     BEAM,
     BENT_NOW,
@@ -29,14 +30,17 @@ from physics.bed.kernels.state import (
     LAG,
     LOST_NOW,
     MOVED,
+    PENDING,
     RETRACED,
     ROD_BROKEN,
     ROD_DISSIPATED,
     ROD_WORK,
+    SETTLED,
     SLIPPED_NOW,
     SNAP,
     STORED,
     STRANDS,
+    VISCOUS,
     WORK,
     State,
     copy_rows,
@@ -90,7 +94,9 @@ def account_motion(s: State, size: float, first: float, middle: float, least: bo
     swept += sums[BENT_NOW]
     lost += sums[SLIPPED_NOW]
     stored = sums[BEAM] + sums[STRANDS] + sums[CONTACT]
+    viscous = sums[SETTLED] + sums[PENDING]
     missing = work + swept - (stored - sums[STORED]) - sums[LOST_NOW]
+    missing -= viscous - sums[VISCOUS]
     jumped = False
     if sums[RETRACED] == 0.0:
         # A jump, in which forces are anything but linear, takes all that is missing: where much is
@@ -129,6 +135,7 @@ def account_motion(s: State, size: float, first: float, middle: float, least: bo
         beyond = slipped
     sums[SNAP] += beyond
     sums[DISSIPATED] += sums[LOST_NOW]
+    sums[VISCOUS] = viscous
     sums[STORED] = stored
     sums[DRAG_NOW] = sums[MOVED] = 0.0
     return True
@@ -160,6 +167,7 @@ def retrace(s: State) -> None:
                 for r in range(3):
                     s.rods[m, r] = rods_0[m, r] + fraction * (rods[m, r] - rods_0[m, r])
             assemble(s, int(FROZEN), 0.0)
+            remember(s)
             if not half:
                 copy_rows(s.g_middle, s.g)
                 copy_rows(s.pull_middle, s.pull)
@@ -192,6 +200,7 @@ def account(s: State, kind: int, relaxation: float) -> None:
         copy_values(s.damage_before, s.damage)
         copy_rows(s.side_before, s.side)
     assemble(s, kind, relaxation)
+    remember(s)
     if account_motion(s, 1.0, 0.5, 0.0, not retraced):
         return
     sums[ROD_DISSIPATED], sums[ROD_BROKEN] = dissipated, broken
@@ -199,4 +208,5 @@ def account(s: State, kind: int, relaxation: float) -> None:
     copy_rows(s.side, s.side_before)
     retrace(s)
     assemble(s, kind, relaxation)
+    remember(s)
     account_motion(s, 0.0, 0.5, 0.0, retraced)

@@ -36,6 +36,7 @@ and with e = dL/dGamma the force is N e + (0, G_2 Gamma_2, G_3 Gamma_3), its tan
 import math
 
 from kernel_cache import njit
+from physics.bed.kernels.relaxation import ENERGY, FORCE, STRAIN, WALL_LESS
 from physics.bed.kernels.vectors import (
     Floats,
     Four,
@@ -199,13 +200,18 @@ def beam_pass(
     wall: Floats,
     strained: Floats,
     fibres: Floats,
+    memory: Floats,
+    pace: float,
     g: Floats,
     diagonal: Floats,
     block: Floats,
     section: Floats,
 ) -> float:
     """Add the beam's gradient and tangent, write its section forces; return its energy, mJ."""
+    # Of a wall that relaxes resultants F are pace F_e less what its branches had: `relaxation`.
     energy = 0.0
+    relaxes = memory.shape[1] > 0
+    less = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if wall.size:
         strain_fibres(x, q, ends, turn, h, strain, chord, wall, strained, fibres)
     for e in range(h.size):
@@ -223,9 +229,13 @@ def beam_pass(
         k1 = f * dot(t1, c) - strain[e, 3]
         k2 = f * dot(t2, c) - strain[e, 4]
         k3 = f * dot(t3, c) - strain[e, 5]
-        c1, c2, c3 = stiff[e, 0], stiff[e, 1], stiff[e, 2]
-        n1, n2, n3 = c1 * g1, c2 * g2, c3 * g3
-        m1, m2, m3 = stiff[e, 3] * k1, stiff[e, 4] * k2, stiff[e, 5] * k3
+        c1, c2, c3 = pace * stiff[e, 0], pace * stiff[e, 1], pace * stiff[e, 2]
+        bend1, bend2, bend3 = pace * stiff[e, 3], pace * stiff[e, 4], pace * stiff[e, 5]
+        if relaxes:
+            row = memory[WALL_LESS, 6 * e : 6 * e + 6]
+            less = (row[0], row[1], row[2], row[3], row[4], row[5])
+        n1, n2, n3 = c1 * g1 - less[0], c2 * g2 - less[1], c3 * g3 - less[2]
+        m1, m2, m3 = bend1 * k1 - less[3], bend2 * k2 - less[4], bend3 * k3 - less[5]
         # n and m in space, y = B m with B = (1 + t.c) I + (c - t) c^T; t = tau c, since
         # tan(phi/4) = tan(phi/2) / (1 + sqrt(1 + tan^2(phi/2))).
         f2, f3 = chord[e, 0], chord[e, 1]
@@ -237,9 +247,10 @@ def beam_pass(
             e1, e2, e3 = (1.0 + g1) / length, f2 * g2 / length, f3 * g3 / length
             direction = added(added(scaled(t1, e1), scaled(t2, e2)), scaled(t3, e3))
             g1 = length - 1.0
-            tight = c1 * g1 / length
+            n1 = c1 * g1 - less[0]
+            tight = n1 / length
             dyad = c1 - tight
-            n1, c1, c2, c3 = c1 * g1, tight, c2 + f2 * tight, c3 + f3 * tight
+            c1, c2, c3 = tight, c2 + f2 * tight, c3 + f3 * tight
         law = e < wall.shape[0]
         in_c = in_m = in_x = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if law:
@@ -248,11 +259,21 @@ def beam_pass(
             psi, n1, per, m2, m3, c11, c12, c22, x2, x3, y2, y3, z22, z23, z33 = section_forces(
                 fibres, FIBRES * e, wall, e, strained[e, 0], square, k2, k3
             )
+            if relaxes:
+                force = memory[FORCE, 6 * e : 6 * e + 6]
+                memory[ENERGY, e] = ea * psi + 0.5 * stiff[e, 3] * k1 * k1
+                force[0], force[4], force[5] = ea * n1, ea * m2, ea * m3
+                force[1], force[2] = ea * per * soft2 * g2, ea * per * soft3 * g3
+                energy -= h[e] * (
+                    less[0] * g1 + less[1] * g2 + less[2] * g3
+                    + 0.5 * less[3] * k1 + less[4] * k2 + less[5] * k3
+                )  # fmt: skip
+            ea *= pace
             energy += h[e] * (ea * psi + 0.5 * m1 * k1)
-            n1, m2, m3 = ea * n1, ea * m2, ea * m3
+            n1, m2, m3 = ea * n1 - less[0], ea * m2 - less[4], ea * m3 - less[5]
             # Half the derivatives of gam^2, and the force's by the stretch and by those.
             v2, v3 = soft2 * g2, soft3 * g3
-            n2, n3, per = ea * per * v2, ea * per * v3, ea * per
+            n2, n3, per = ea * per * v2 - less[1], ea * per * v3 - less[2], ea * per
             c11, c12, c22 = ea * c11, ea * c12, ea * c22
             in_c = (
                 c11, c12 * v2, c12 * v3,
@@ -279,9 +300,24 @@ def beam_pass(
                     0.0, e1 * x2, e1 * x3, 0.0, e2 * x2 + y2 * v2, e2 * x3 + y3 * v2,
                     0.0, e3 * x2 + y2 * v3, e3 * x3 + y3 * v3,
                 )  # fmt: skip
-            in_m = (stiff[e, 3], 0.0, 0.0, 0.0, ea * z22, ea * z23, 0.0, ea * z23, ea * z33)
+            in_m = (bend1, 0.0, 0.0, 0.0, ea * z22, ea * z23, 0.0, ea * z23, ea * z33)
         else:
-            energy += 0.5 * h[e] * (n1 * g1 + n2 * g2 + n3 * g3 + m1 * k1 + m2 * k2 + m3 * k3)
+            energy += 0.5 * h[e] * (
+                (n1 - less[0]) * g1 + (n2 - less[1]) * g2 + (n3 - less[2]) * g3
+                + (m1 - less[3]) * k1 + (m2 - less[4]) * k2 + (m3 - less[5]) * k3
+            )  # fmt: skip
+            if relaxes:
+                force = memory[FORCE, 6 * e : 6 * e + 6]
+                force[0], force[1], force[2] = stiff[e, 0] * g1, stiff[e, 1] * g2, stiff[e, 2] * g3
+                force[4], force[5] = stiff[e, 4] * k2, stiff[e, 5] * k3
+                memory[ENERGY, e] = 0.5 * (
+                    force[0] * g1 + force[1] * g2 + force[2] * g3
+                    + stiff[e, 3] * k1 * k1 + force[4] * k2 + force[5] * k3
+                )  # fmt: skip
+        if relaxes:
+            row = memory[STRAIN, 6 * e : 6 * e + 6]
+            row[0], row[1], row[2], row[3], row[4], row[5] = g1, g2, g3, k1, k2, k3
+            memory[FORCE, 6 * e + 3] = stiff[e, 3] * k1
         if thin:
             n1, n2, n3 = n1 * e1, n2 + n1 * e2, n3 + n1 * e3
         n = added(added(scaled(t1, n1), scaled(t2, n2)), scaled(t3, n3))
@@ -328,7 +364,7 @@ def beam_pass(
             big_c = turned(c1, c2, c3, t1, t2, t3)
             if thin:
                 big_c = with_dyad(big_c, dyad, direction)
-            big_m = turned(stiff[e, 3], stiff[e, 4], stiff[e, 5], t1, t2, t3)
+            big_m = turned(bend1, bend2, bend3, t1, t2, t3)
         cd = times_cross(big_c, d)  # C [d]
         p = (
             cd[0],

@@ -12,6 +12,7 @@ past the tip: these two jump, so that in a search for equilibrium they stand as 
 import math
 
 from kernel_cache import njit
+from physics.bed.kernels.relaxation import LESS
 from physics.bed.kernels.state import (
     ARM_X,
     ARM_Y,
@@ -22,10 +23,12 @@ from physics.bed.kernels.state import (
     IN_USE,
     INCREMENTAL,
     LENGTH,
+    PACE,
     RADIUS,
     SHAFT,
     STIFF,
     TIP,
+    State,
 )
 from physics.bed.kernels.vectors import (
     Floats,
@@ -211,11 +214,17 @@ def turn_arms(q: Floats, nodes: Ints, strand: Floats, which: Ints, out: Floats) 
 
 
 @inner
-def energy_round(strand: Floats, damage: Floats, i: int, path: float, straight: float) -> float:
+def energy_round(s: State, i: int, path: float, straight: float) -> float:
     """Return by how much more strand i stores along a path round a rod than straight, mJ."""
-    bent = max(path - strand[LENGTH, i], 0.0)
-    short = max(straight - strand[LENGTH, i], 0.0)
-    return 0.5 * (1.0 - damage[i]) * strand[STIFF, i] * (bent * bent - short * short)
+    bent = path - s.strand[LENGTH, i]
+    short = straight - s.strand[LENGTH, i]
+    pace = s.sums[PACE]
+    if s.memory.shape[1]:
+        less = s.memory[LESS, i]
+        bent, short = pace * bent - less, pace * short - less
+    bent, short = max(bent, 0.0), max(short, 0.0)
+    stiff = (1.0 - s.damage[i]) * s.strand[STIFF, i] / pace
+    return 0.5 * stiff * (bent * bent - short * short)
 
 
 @inner

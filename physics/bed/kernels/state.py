@@ -32,7 +32,13 @@ BENT_NOW, SLIPPED_NOW, MOVED, RETRACED, AHEAD = range(17, 22)
 CLEAR, LAG = 22, 23
 
 
-SUM_ROWS = 24
+# Of strands and walls that relax (`relaxation`): by how much less than at once both give in to a
+# step, 1 where nothing relaxes; what viscosity has dissipated since the beginning, before this step
+# and in it, mJ; and of strands that push the push round rods, mJ.
+PACE, WALL_PACE, VISCOUS, SETTLED, PENDING, PUSHED = range(24, 30)
+
+
+SUM_ROWS = 30
 
 
 CONTACT_STIFFNESS = 1.6
@@ -127,6 +133,10 @@ class State(NamedTuple):
     damage_before: Floats  # (S,)
     side_before: Ints  # (M, S)
     damage_ahead: Floats  # (S,) of the tick that is assembled ahead
+    branch: Floats  # (2, R, 4) of strands and walls the branches by which they relax
+    # What these remember, see `relaxation`; no columns and no elements where nothing relaxes.
+    memory: Floats  # (SPRING + R, S)
+    wall_memory: Floats  # (OVER + R, 6 E)
     sums: Floats
 
 

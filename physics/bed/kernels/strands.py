@@ -25,6 +25,7 @@ rest in that kink, where no forces balance.
 import math
 
 from kernel_cache import njit
+from physics.bed.kernels.relaxation import LESS, NOW, strand_branches
 from physics.bed.kernels.rods import (
     NO_CONTACT,
     SLIPPED,
@@ -53,6 +54,9 @@ from physics.bed.kernels.state import (
     LENGTH,
     LOST_NOW,
     MOST,
+    PACE,
+    PENDING,
+    PUSHED,
     RADIUS,
     RELAXED,
     ROD_BROKEN,
@@ -208,6 +212,10 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
     strand, damage, side = s.strand, s.damage, s.side
     energy = lost = most = 0.0
     whole = 0
+    # Of strands that relax eps = pace u - less stands for u in all that follows.
+    relaxes = s.memory.shape[1] > 0
+    pace = s.sums[PACE]
+    per_pace = 1.0 / pace
     for group in range(s.first.size - 1):
         n, other = group_nodes(s.pair, group, s.x.shape[0])
         near = False
@@ -232,7 +240,7 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                     if path > 0.0:
                         d = added(end, scaled(foot, -1.0))
                         straight = math.sqrt(dot(d, d))
-                        s.sums[SLIPPED_NOW] += energy_round(strand, damage, i, path, straight)
+                        s.sums[SLIPPED_NOW] += energy_round(s, i, path, straight)
                 side[m, i] = NO_CONTACT
         if s.first[group] == s.first[group + 1]:
             continue
@@ -280,9 +288,7 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                     if kind == RELAXED and path > 0.0 and (was >= NO_CONTACT or not bent):
                         # Nothing along the shaft resists a tip that comes upon a strand, or that a
                         # strand slips off: the energy by which it jumps is booked.
-                        jump = energy_round(
-                            strand, damage, i, path, math.sqrt(lx * lx + ly * ly + lz * lz)
-                        )
+                        jump = energy_round(s, i, path, math.sqrt(lx * lx + ly * ly + lz * lz))
                         if was == SLIPPED:  # it meets the rod's other side
                             s.sums[SLIPPED_NOW] -= jump
                         else:
@@ -308,19 +314,27 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                 tx, ty, tz = lx * il, ly * il, lz * il
                 ux, uy, uz = lx - rx, ly - ry, lz - rz
             u = length - strand[LENGTH, i]
+            if relaxes:
+                less = s.memory[LESS, i]
+                s.memory[NOW, i] = u
+                u = pace * u - less
+                if u <= 0.0 and (rod >= 0 or strand[BILATERAL, i] == 0.0):
+                    s.memory[NOW, i] = less * per_pace
             k, u0, uf = strand[STIFF, i], strand[YIELD, i], strand[FAILURE, i]
             d = damage[i]
             if short < 0.0:
                 stiff, straight, out = (1.0 - d) * k, (lx, ly, lz), (rx, ry, rz)
-                energy += push_straight(s.g, s.diagonal, n, straight, out, stiff, short, kind)
+                pushed = push_straight(s.g, s.diagonal, n, straight, out, stiff, short, kind)
+                energy += pushed
+                s.sums[PUSHED] += pushed
                 if other >= 0:
                     straight, out = (-lx, -ly, -lz), turned_foot(strand, i, o1, o2, o3)
                     push_straight(s.g, s.diagonal, other, straight, out, stiff, short, kind)
             if u <= 0.0 and (rod >= 0 or strand[BILATERAL, i] == 0.0):
                 continue
             f = (1.0 - d) * k * u
-            slope = (1.0 - d) * k
-            stored = 0.5 * f * u
+            slope = (1.0 - d) * k * pace
+            stored = 0.5 * f * u * per_pace
             if u > u0 and kind != FROZEN:
                 goal = 1.0 if u >= uf else uf * (u - u0) / (u * (uf - u0))
                 if goal > d:
@@ -329,12 +343,17 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                         if goal >= 1.0 and new > 0.98:  # else it would only ever come near 1
                             new = 1.0
                         gone = 0.5 * k * u * u * (new - d)
+                        if relaxes:
+                            unit, viscous = strand_branches(s, i, s.memory[NOW, i])
+                            s.sums[PENDING] += 0.5 * k * viscous * (new - d)
+                            gone = 0.5 * k * unit * (new - d)
                         if short < 0.0:
                             less, straight, out = (d - new) * k, (lx, ly, lz), (rx, ry, rz)
                             change = push_straight(
                                 s.g, s.diagonal, n, straight, out, less, short, kind
                             )
                             energy += change
+                            s.sums[PUSHED] += change
                             gone -= change
                             if other >= 0:
                                 straight, out = (-lx, -ly, -lz), turned_foot(strand, i, o1, o2, o3)
@@ -368,18 +387,20 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                             continue
                         slope = (1.0 - new) * k
                         f = slope * u
-                        stored = 0.5 * f * u
+                        stored = 0.5 * f * u * per_pace
+                        slope *= pace
                     else:
                         full = 0.5 * k * u0 * uf / (uf - u0)  # dissipated for each mm beyond u0
                         # The largest elongation so far, less u0: the law solved for u at d.
                         before = u0 * uf / (uf - d * (uf - u0)) - u0
                         if u >= uf:
-                            energy += full * (uf - u0 - before)
+                            energy += full * (uf - u0 - before) * per_pace
                             continue
-                        energy += full * (u - u0 - before)
+                        energy += full * (u - u0 - before) * per_pace
                         slope = -k * u0 / (uf - u0)
                         f = slope * (u - uf)
-                        stored = 0.5 * f * u
+                        stored = 0.5 * f * u * per_pace
+                        slope *= pace
             energy += stored
             most = max(most, abs(f))
             if rod >= 0:
@@ -547,7 +568,10 @@ def yielded(s: State) -> float:
                         if touch & 1 == 1:
                             length, on_rod = bent, True
                             break
-            u = length - s.strand[LENGTH, i]
+            now = length - s.strand[LENGTH, i]
+            u = now
+            if s.memory.shape[1]:
+                u = s.sums[PACE] * now - s.memory[LESS, i]
             u0, uf = s.strand[YIELD, i], s.strand[FAILURE, i]
             if u <= u0:
                 continue
@@ -556,6 +580,10 @@ def yielded(s: State) -> float:
                 full = 0.5 * s.strand[STIFF, i] * u0 * uf / (uf - u0)
                 before = u0 * uf / (uf - d * (uf - u0))
                 gone = full * (min(u, uf) - before)
+                if s.memory.shape[1]:
+                    # The branches of what parts store more than one spring of their force.
+                    unit, viscous = strand_branches(s, i, now)
+                    gone += 0.5 * s.strand[STIFF, i] * (unit - u * u + viscous) * (goal - d)
                 if on_rod and s.strand[BILATERAL, i] != 0.0:
                     short = min(math.sqrt(dot(chord, chord)) - s.strand[LENGTH, i], 0.0)
                     gone += 0.5 * s.strand[STIFF, i] * short * short * (goal - d)

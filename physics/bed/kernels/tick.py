@@ -11,6 +11,7 @@ from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
 from physics.bed.kernels.core import clear_of_rods, rods_clear_of
+from physics.bed.kernels.relaxation import settle
 from physics.bed.kernels.state import (
     CLEAR,
     DRAG_NOW,
@@ -53,7 +54,12 @@ def rods_part(s: State, fraction: float) -> float:
 
 @inlined
 def advance(
-    s: State, fraction: float, rods_fraction: float, relaxation: float, drag: float
+    s: State,
+    fraction: float,
+    rods_fraction: float,
+    relaxation: float,
+    drag: float,
+    seconds: float,
 ) -> bool:
     """Go these fractions of the way to the targets, by one Newton step."""
     for n in range(s.x.shape[0]):
@@ -64,6 +70,8 @@ def advance(
         for r in range(ROD_ROWS):
             s.rods[m, r] += rods_fraction * (s.rods_to[m, r] - s.rods[m, r])
     account(s, int(RELAXED), relaxation)
+    if s.memory.shape[1] or s.wall_memory.shape[1]:
+        settle(s, seconds)
     used = drag
     add_drag(s, used)
     copy_rows(s.step, s.g)
@@ -96,10 +104,11 @@ def advance(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def tick(s: State, ticks: int, relaxation: float, drag: float) -> bool:
+def tick(s: State, ticks: int, relaxation: float, drag: float, seconds: float) -> bool:
     """Advance to `..._to` in so many real-time ticks; False if no tangent is definite."""
-    # A tick lets damage go the fraction `relaxation` = dt / (tau + dt) towards the law (implicit
-    # Euler), then takes a Newton step with a drag (N/mm at each node: c / dt) against the motion.
+    # A tick of so many `seconds`, dt, lets damage go the fraction `relaxation` = dt / (tau + dt)
+    # towards the law (implicit Euler), then takes a Newton step with a drag (N/mm at each node:
+    # c / dt) against the motion; strands and walls relax in that time from the next tick on.
     # Energy is accounted for up to the last assembly. Where rods move so far in a tick that they
     # might jump over the beam or a strand, it is divided: as many steps of as much less time.
     for now in range(ticks):
@@ -119,7 +128,7 @@ def tick(s: State, ticks: int, relaxation: float, drag: float) -> bool:
             else:
                 relaxing = part * relaxation / (1.0 - relaxation + part * relaxation)
                 dragging = drag / part
-            if not advance(s, going, rods_going, relaxing, dragging):
+            if not advance(s, going, rods_going, relaxing, dragging, part * seconds):
                 return False
             done += part
             if done >= 1.0 - 1e-12:
