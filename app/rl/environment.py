@@ -50,7 +50,7 @@ class DissectionEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     `reset` takes a `bed_seed` in its options, to choose the bed instead of drawing it from `seeds`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": TICKS_PER_SECOND}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": TICKS_PER_SECOND}  # noqa: RUF012
 
     def __init__(self, *, render_mode: str | None = None, **arguments: Any) -> None:
         self.task = Task(**arguments)
@@ -93,6 +93,10 @@ class DissectionEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def run_file(self) -> RunFile:
         """Return the episode so far as a run, which replays in the page."""
         return self._going.session.run_file()
+
+    def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Return a picture, (240, 320, 3), if the render mode is "rgb_array"."""
+        return self._going.picture() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
         """Drop the session."""

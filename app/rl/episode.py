@@ -6,7 +6,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from app.rl.task import VERTICES, Task
+from app.rl.picture import Camera
+from app.rl.task import OBSERVATIONS, PIXELS, VERTICES, Task
 from app.simulation import (
     HOLDING,
     INSTRUMENTS,
@@ -22,7 +23,7 @@ REACH_MM = 4.0
 """How far from the duct's axis a tip may be that takes hold: about the duct's radius."""
 
 Floats = NDArray[np.float64]
-Observation = dict[str, NDArray[np.float32]]
+Observation = dict[str, NDArray[Any]]
 
 
 class Episode:
@@ -35,8 +36,9 @@ class Episode:
     def __init__(self, task: Task) -> None:
         self.task = task
         self.session = Session(task.specimen, vertices=VERTICES)
-        self.reset(task.goal.bed_seed)
+        self.reset(int(task.seeds[0]))
         self.bounds = task.bounds(self._tissue.beam.stations.size)
+        self._camera = Camera(*task.picture, task.specimen.beam.span, task.camera)
 
     @property
     def _tissue(self) -> SpatialTissue:
@@ -59,13 +61,16 @@ class Episode:
     def space(self) -> spaces.Dict:
         """The space of its observations."""
         return spaces.Dict(
-            {key: spaces.Box(*each, dtype=np.float32) for key, each in self.bounds.items()}
+            {
+                key: spaces.Box(low, high, dtype=low.dtype.type)
+                for key, (low, high) in self.bounds.items()
+            }
         )
 
     def room(self, *count: int) -> Observation:
         """Return arrays for one observation, or for so many."""
         return {
-            key: np.zeros((*count, *low.shape), np.float32) for key, (low, _) in self.bounds.items()
+            key: np.zeros((*count, *low.shape), low.dtype) for key, (low, _) in self.bounds.items()
         }
 
     def act(self, action: Floats) -> float:
@@ -130,7 +135,7 @@ class Episode:
         self._parted = self._tissue.freed_at(task.bins)
         goal = task.goal
         within = self._parted[(task.bins >= goal.from_mm) & (task.bins <= goal.to_mm)]
-        asked = goal.free_mm / (goal.to_mm - goal.from_mm)
+        asked = goal.length_mm / (goal.to_mm - goal.from_mm)
         return {
             "progress": run.progress,
             "parted": min(float(within.mean()) / asked, 1.0),
@@ -165,6 +170,12 @@ class Episode:
 
     def observe(self, out: Observation) -> None:
         """Write what is observed to arrays of the observation space."""
+        if PIXELS in out:
+            self._camera.take(self._tissue, out[PIXELS])
+        if "hands" in out:
+            self._write_state(out)
+
+    def _write_state(self, out: Observation) -> None:
         tissue, task, goal = self._tissue, self.task, self.task.goal
         hands = out["hands"]
         hands[:] = 0.0
@@ -176,8 +187,14 @@ class Episode:
         out["strands"][:] = 1.0 - self._parted
         out["wall"][:] = tissue.stress_ratio, tissue.station, self._peak
         left = (task.limit_ticks - self._ticks) * TICK_SECONDS
-        out["goal"][:] = goal.from_mm, goal.to_mm, goal.free_mm, self._totals["progress"], left
-        for key, (low, high) in self.bounds.items():
+        out["goal"][:] = goal.from_mm, goal.to_mm, goal.length_mm, self._totals["progress"], left
+        for key in OBSERVATIONS:
+            low, high = self.bounds[key]
             if self.lost:
                 np.nan_to_num(out[key], copy=False)
             np.clip(out[key], low, high, out=out[key])
+
+    def picture(self, height: int = 240, width: int = 320) -> NDArray[np.uint8]:
+        """Return a picture, (height, width, 3)."""
+        camera = Camera(height, width, self.task.specimen.beam.span, self.task.camera)
+        return camera.take(self._tissue, np.zeros((height, width, 3), np.uint8))

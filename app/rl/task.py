@@ -5,13 +5,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from app.rl.picture import Pose
 from app.simulation import (
     HAND_SPEED,
     HANDS,
@@ -19,25 +20,27 @@ from app.simulation import (
     INSTRUMENTS,
     MOST_OPENING,
     TICKS_PER_SECOND,
-    BedExercise,
+    Exercise,
+    FreeLength,
     Instrument,
+    Opening,
     Session,
     Specimen,
     bed_named,
+    exercises_offered,
     preset_named,
     specimen_in_bed,
 )
 from assets import BILE_DUCT
 from organ_geometry import read_organ
 
-__all__ = ["ACTIONS", "HAND", "OBSERVATIONS", "REWARDS", "SEEDS", "Number", "Task"]
-
-Floats32 = NDArray[np.float32]
+__all__ = ["ACTIONS", "HAND", "OBSERVATIONS", "PIXELS", "REWARDS", "SEEDS", "Number", "Task"]
 
 SEEDS = tuple(range(1, 21))
 """Seeds of beds to learn on; those from 21 on are kept to judge by."""
+PIXELS = "pixels"
 VERTICES = 50  # of the skin, which no policy sees
-MOST_TICKS_PER_STEP = 30
+MOST_TICKS_PER_STEP, MOST_PIXELS = 30, 1024
 FAR_MM, MOST_FORCE_N, MOST_RATIO, MOST_SECONDS = 60.0, 20.0, 4.0, 3600.0
 """Bounds of what is observed; what lies beyond is clipped to them."""
 
@@ -108,10 +111,9 @@ REWARDS: dict[str, tuple[float, str]] = {
 
 
 @lru_cache(maxsize=8)
-def _exercises(specimen: Specimen) -> dict[str, BedExercise]:
+def _exercises(specimen: Specimen) -> dict[str, Exercise]:
     """Return the exercises of a specimen by name: a second's work."""
-    offered = Session(specimen, vertices=VERTICES).exercises_offered()
-    return {each.name: each for each in offered if isinstance(each, BedExercise)}
+    return {each.name: each for each in exercises_offered(Session(specimen, vertices=VERTICES))}
 
 
 @lru_cache(maxsize=32)
@@ -154,9 +156,14 @@ class Task:
         s after which an episode is truncated; the exercise's own when None.
     reward
         Weights of the reward's terms that differ from the usual.
+    observation
+        "state", "pixels" or "both".
+    picture, camera
+        Height and width of the pixels, 16 to 1024; where the camera is and what it looks at, mm,
+        the standard view when None.
     """
 
-    exercise: str | BedExercise = "window"
+    exercise: str | Exercise = "window"
     bed: str = "normal"
     organ: str | Path | None = None
     preset: str | None = None
@@ -167,6 +174,9 @@ class Task:
     seeds: Sequence[int] = SEEDS
     time_limit: float | None = None
     reward: Mapping[str, float] | None = None
+    observation: str = "state"
+    picture: tuple[int, int] = (96, 96)
+    camera: Pose | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= self.hands <= HANDS:
@@ -186,12 +196,19 @@ class Task:
             raise ValueError(
                 f"time_limit must be above 0 and at most {MOST_SECONDS:g} s, got {limit}"
             )
+        if self.observation not in ("state", PIXELS, "both"):
+            raise ValueError(
+                f"observation must be 'state', 'pixels' or 'both', got {self.observation!r}"
+            )
+        if len(self.picture) != 2 or not all(16 <= each <= MOST_PIXELS for each in self.picture):
+            raise ValueError(f"picture must be two of 16 to {MOST_PIXELS}, got {self.picture}")
         for name, weight in (self.reward or {}).items():
             if name not in REWARDS:
                 raise ValueError(f"reward has {name!r}; its terms are {_lists(list(REWARDS))}")
             if not math.isfinite(weight):
                 raise ValueError(f"reward's {name} must be a finite number, got {weight}")
-        allowed, chosen = self.goal.instruments, self.instruments
+        _ = self.goal
+        allowed, chosen = self.asked.instruments, self.instruments
         if chosen is not None and chosen != "free":
             if isinstance(chosen, str) or len(chosen) != self.hands:
                 raise ValueError(f"instruments must be one of each hand or 'free', got {chosen!r}")
@@ -206,9 +223,9 @@ class Task:
         return _specimen(self.bed, organ, self.preset)
 
     @cached_property
-    def goal(self) -> BedExercise:
+    def asked(self) -> Exercise:
         """The exercise."""
-        if isinstance(self.exercise, BedExercise):
+        if isinstance(self.exercise, Exercise):
             return self.exercise
         offered = _exercises(self.specimen)
         if self.exercise not in offered:
@@ -217,6 +234,13 @@ class Task:
                 f"got {self.exercise!r}"
             )
         return offered[self.exercise]
+
+    @cached_property
+    def goal(self) -> FreeLength:
+        """What the exercise asks for."""
+        if self.asked.opening is None or not isinstance(self.asked.goal, FreeLength):
+            raise ValueError(f"{self.asked.title} is not about freeing a duct from a bed")
+        return self.asked.goal
 
     @cached_property
     def free_choice(self) -> bool:
@@ -228,13 +252,13 @@ class Task:
         """The instrument of each hand at first."""
         if self.instruments is not None and not isinstance(self.instruments, str):
             return tuple(self.instruments)
-        last: Instrument = "dissector" if "dissector" in self.goal.instruments else HOLDING[-1]
+        last: Instrument = "dissector" if "dissector" in self.asked.instruments else HOLDING[-1]
         return (*(HOLDING[:1] * (self.hands - 1)), last)
 
     @cached_property
     def limit_ticks(self) -> int:
         """Ticks of an episode."""
-        return max(1, round((self.time_limit or self.goal.time_limit_s) * TICKS_PER_SECOND))
+        return max(1, round((self.time_limit or self.asked.time_limit_s) * TICKS_PER_SECOND))
 
     @cached_property
     def weights(self) -> dict[str, float]:
@@ -266,19 +290,24 @@ class Task:
         """Steps in a second of the duct's time, to a whole number."""
         return max(1, round(TICKS_PER_SECOND / self.ticks_per_step))
 
-    def bounds(self, nodes: int) -> dict[str, tuple[Floats32, Floats32]]:
+    def bounds(self, nodes: int) -> dict[str, tuple[NDArray[Any], NDArray[Any]]]:
         """Return the smallest and largest observations of a duct with so many nodes, by key."""
         span = self.specimen.beam.span
         rows = {"hands": self.hands, "duct": nodes}
-        found: dict[str, tuple[Floats32, Floats32]] = {}
-        for key, numbers in OBSERVATIONS.items():
+        found: dict[str, tuple[NDArray[Any], NDArray[Any]]] = {}
+        for key, numbers in OBSERVATIONS.items() if self.observation != PIXELS else ():
             low = np.array([each.low for each in numbers], np.float32)
             high = np.array([each.high + span * each.with_span for each in numbers], np.float32)
             shape = (rows[key], 1) if key in rows else self.bins.size if key == "strands" else 1
             found[key] = np.tile(low, shape), np.tile(high, shape)
+        if self.observation != "state":
+            pixels = np.zeros((*self.picture, 3), np.uint8)
+            found[PIXELS] = pixels, pixels + np.uint8(255)
         return found
 
-    def seeded(self, bed_seed: int) -> BedExercise:
+    def seeded(self, bed_seed: int) -> Exercise:
         """Return the exercise in the bed of another seed; its limits are those of an even bed."""
-        limit = self.time_limit or self.goal.time_limit_s
-        return msgspec.structs.replace(self.goal, bed_seed=bed_seed, time_limit_s=limit)
+        assert self.asked.opening is not None  # noqa: S101 (`goal` has looked)
+        opening: Opening = msgspec.structs.replace(self.asked.opening, bed_seed=bed_seed)
+        limit = self.time_limit or self.asked.time_limit_s
+        return msgspec.structs.replace(self.asked, opening=opening, time_limit_s=limit)

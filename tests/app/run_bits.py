@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from any_code import any_code
 from msgspec.structs import replace
+from rl_bits import alone
 from simulated import bed_session, phantom
 from tubes import tube
 
@@ -21,7 +22,7 @@ def _bytes(*arrays: np.ndarray | None) -> bytes:
 
 
 def digests() -> list[str]:
-    """Of bent organs and their sections, a pull, two dissections and a spline."""
+    """Of bent organs and their sections, a pull, two dissections, a spline, what policies see."""
     found: list[bytes] = []
     organs = [any_code(seed, hollow=True).organ() for seed in range(8)]
     found += [_bytes(organ.axis, organ.frames, organ.outer, organ.lumen) for organ in organs]
@@ -45,6 +46,7 @@ def digests() -> list[str]:
     way = np.linspace(0.0, 50.0, 101)
     line = np.stack([way, 3.0 * np.sin(way / 9.0), 2.0 * np.cos(way / 7.0)], axis=1)
     found.append(_bytes(*axis_line(line)))
+    found += [each.encode() for each in alone([1, 2], 6, observation="both")]
     return [hashlib.sha256(each).hexdigest() for each in found]
 
 

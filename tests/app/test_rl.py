@@ -1,5 +1,6 @@
 """Environments of Gymnasium: its own checkers, the same bits alone and side by side, bad input."""
 
+import math
 import warnings
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from simulated import phantom, replayed
 
 from app.rl import ID
 from app.rl.environment import DissectionEnv, DissectionVectorEnv
+from app.rl.picture import Camera
 from app.rl.task import REWARDS
 from app.simulation import HAND_SPEED
 
@@ -28,6 +30,8 @@ ROOT = Path(__file__).parents[2]
         {"exercise": "follow_front", "bed": "loose", "hands": 1, "ticks_per_step": 30},
         {"exercise": "free_scar", "speed": HAND_SPEED, "ticks_per_step": 1, "seeds": (0,)},
         {"instruments": "free", "bed": "inflamed", "time_limit": 0.2, "seeds": (2**63 - 1,)},
+        {"observation": "both", "picture": (16, 1024)},
+        {"observation": "pixels", "camera": ((0.0, -90.0, 9.0), (9.0, 0.0, 0.0))},
         {"hands": 1, "instruments": ("swab",), "reward": {"errors": 0.0}, "time_limit": 3600.0},
     ],
 )
@@ -94,6 +98,28 @@ def test_an_episode_is_a_run_that_replays_to_the_bit() -> None:
     assert again.outcome == run.outcome
 
 
+def test_a_picture_shows_the_duct_where_it_is_and_as_large() -> None:
+    """By the silhouette of a cylinder with round ends, seen from straight across."""
+    away, side, field = 200.0, 240, math.radians(60.0)
+    env = DissectionEnv(hands=1, camera=((25.4, -0.01, away), (25.4, 0.0, 0.0)))
+    env.reset(seed=1)
+    assert env.episode is not None
+    picture = Camera(side, side, 50.8, env.task.camera).take(
+        env.episode.session.spatial, np.zeros((side, side, 3), np.uint8)
+    )
+    green = picture[..., 1].astype(int) > picture[..., 0] + 5
+    pixel = 2.0 * math.tan(0.5 * field) / side
+    radius = env.episode.session.spatial.radius
+    # The outline of a cylinder is what the tangents from the camera touch.
+    half = radius / math.sqrt(away**2 - radius**2)
+    rows = np.flatnonzero(green[:, side // 2 + 20])
+    assert rows.size * pixel == pytest.approx(2.0 * half, abs=2.0 * pixel)
+    assert rows.mean() == pytest.approx(0.5 * (side - 1), abs=1.0)
+    columns = np.flatnonzero(green.any(axis=0))
+    assert columns.size * pixel == pytest.approx((50.8 + 2.0 * radius) / away, abs=4.0 * pixel)
+    env.close()
+
+
 def test_a_vector_environment_starts_anew_with_the_next_step() -> None:
     envs = gymnasium.make_vec(ID, num_envs=3, time_limit=0.2, threads=2)
     assert isinstance(envs.unwrapped, DissectionVectorEnv)
@@ -124,6 +150,9 @@ def test_a_vector_environment_starts_anew_with_the_next_step() -> None:
         ({"speed": float("nan")}, "speed must be above 0 and at most 60 mm/s, got nan"),
         ({"seeds": ()}, "seeds must be one or more"),
         ({"time_limit": 0.0}, "time_limit must be above 0"),
+        ({"observation": "sound"}, "observation must be 'state', 'pixels' or 'both'"),
+        ({"picture": (96, 2000)}, "picture must be two of 16 to 1024"),
+        ({"camera": ((1.0, 2.0, 3.0), (1.0, 2.0, 0.0))}, "not straight down"),
         ({"reward": {"style": 1.0}}, "reward has 'style'; its terms are 'progress'"),
         ({"reward": {"errors": float("inf")}}, "reward's errors must be a finite number"),
     ],
