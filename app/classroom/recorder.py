@@ -3,9 +3,9 @@
 import logging
 import sqlite3
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from app.classroom.store import ClassStore, RunRecord
+from app.classroom.store import ClassStore, RunRecord, Statement
 
 __all__ = ["Recorder"]
 
@@ -18,10 +18,15 @@ log = logging.getLogger(__name__)
 
 
 class Recorder:
-    """A writer of runs. What cannot be written is kept and tried again; the newest of each wins."""
+    """A writer of runs. What cannot be written is kept and tried again; the newest of each wins.
 
-    def __init__(self, store: ClassStore) -> None:
-        self._store = store
+    `statements` says what a learning record store is to be told of a finished run.
+    """
+
+    def __init__(
+        self, store: ClassStore, statements: Callable[[RunRecord], Sequence[Statement]]
+    ) -> None:
+        self._store, self._statements = store, statements
         self._waiting: dict[str, tuple[Callable[[], RunRecord], Done]] = {}
         self._news = threading.Condition()
         self._stopping = False
@@ -52,7 +57,8 @@ class Recorder:
                 make, done = self._waiting.pop(run_id)
             again = False
             try:
-                self._store.save(make())
+                run = make()
+                self._store.save(run, self._statements(run) if run.finished else ())
                 told = None
             except sqlite3.IntegrityError:  # the person's data have been deleted meanwhile
                 told = "your data have been deleted"

@@ -53,7 +53,8 @@ class Result:
             return "passed" if self.run.passed else "failed"
         if self.measures.get("tear") is not None:
             return "torn"
-        return "free" if self.run.assignment_id is None else "given up"
+        in_class = self.run.assignment_id is not None or self.run.level is not None
+        return "given up" if in_class else "free"
 
     @property
     def seconds(self) -> float:

@@ -11,7 +11,7 @@ import re
 import secrets
 import sqlite3
 import threading
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import astuple, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -29,12 +29,13 @@ __all__ = [
     "ClassStore",
     "Person",
     "RunRecord",
+    "Statement",
     "class_files",
     "class_path",
     "now",
 ]
 
-APPLICATION, VERSION = 0x62_64_63_6C, 1  # "bdcl"
+APPLICATION, VERSION = 0x62_64_63_6C, 2  # "bdcl"
 SUFFIX = ".sqlite"
 TOKEN_BYTES, ID_BYTES = 24, 12
 LONGEST_TITLE, LONGEST_NAME = 80, 40
@@ -64,6 +65,28 @@ CREATE TABLE run (
 ) STRICT;
 CREATE INDEX run_of_person ON run (person_id, started_at);
 """
+# What version 2 adds.
+_COURSE = """
+ALTER TABLE class ADD COLUMN course TEXT;
+ALTER TABLE class ADD COLUMN uuid TEXT;
+ALTER TABLE class ADD COLUMN learning_record_store TEXT;
+UPDATE class SET uuid = lower(hex(randomblob(16)));
+ALTER TABLE person ADD COLUMN level TEXT;
+ALTER TABLE run ADD COLUMN level TEXT;
+ALTER TABLE run ADD COLUMN seed INTEGER;
+ALTER TABLE run ADD COLUMN incidents TEXT;
+CREATE TABLE statement (
+    id TEXT PRIMARY KEY, person_id TEXT, content BLOB NOT NULL, tries INTEGER NOT NULL DEFAULT 0,
+    sent_at TEXT, refused TEXT
+) STRICT;
+CREATE INDEX statement_waiting ON statement (id) WHERE sent_at IS NULL AND refused IS NULL;
+CREATE INDEX run_of_level ON run (person_id, started_at) WHERE level IS NOT NULL;
+"""
+_RUN = (
+    "id, person_id, assignment_id, mode, title, started_at, finished, passed, reason, measures,"
+    " file, level, seed, incidents"
+)
+_RUN_WITHOUT_FILE = _RUN.replace("file", "x''")
 
 
 class ClassFileError(ValueError):
@@ -81,6 +104,7 @@ class Person:
     id: str
     name: str
     joined_at: str
+    level: str | None = None  # of the course, that the teacher has set
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +126,9 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class RunRecord:
-    """A run as it is kept, in its table's order: `measures` and `file` are JSON.
+    """A run as it is kept, in its table's order: `measures`, `file` and `incidents` are JSON.
 
-    It is unfinished while more may come.
+    It is unfinished while more may come. `incidents` is None in runs of before they were kept.
     """
 
     id: str
@@ -118,6 +142,18 @@ class RunRecord:
     reason: str
     measures: str
     file: bytes
+    level: str | None = None  # of the course, that it is a try at
+    seed: int | None = None  # of its bed
+    incidents: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """An xAPI statement that is to be sent: `content` is JSON, `person_id` of whom it tells."""
+
+    id: str
+    person_id: str | None
+    content: bytes
 
 
 def now() -> str:
@@ -161,12 +197,16 @@ class ClassStore:
                 path, timeout=BUSY_SECONDS, isolation_level=None, check_same_thread=False
             )
             self._db.row_factory = sqlite3.Row
-            kind = self._value("PRAGMA application_id"), self._value("PRAGMA user_version")
-            if kind != (APPLICATION, VERSION):
+            kind, version = self._value("PRAGMA application_id"), self._value("PRAGMA user_version")
+            if kind != APPLICATION or version not in (1, VERSION):
                 raise ClassFileError(f"{path} is not a class of this version of bluntdissect")
             for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON",
                            "secure_delete=ON"):  # fmt: skip
                 self._db.execute(f"PRAGMA {pragma}")
+            if version == 1:
+                self._db.executescript(
+                    f"BEGIN IMMEDIATE; {_COURSE} PRAGMA user_version={VERSION}; COMMIT;"
+                )
             row = self._db.execute("SELECT * FROM class").fetchone()
         except sqlite3.DatabaseError as error:
             raise ClassFileError(f"cannot read {path} as a class: {error}") from error
@@ -175,6 +215,9 @@ class ClassStore:
         self.teacher_token: str = row["teacher_token"]
         self.trainee_token: str = row["trainee_token"]
         self._shows_standing = bool(row["shows_standing"])
+        self.id: str = row["uuid"]
+        self._course: str | None = row["course"]
+        self._learning_record_store: str | None = row["learning_record_store"]
 
     @classmethod
     def new(cls, path: Path, title: str) -> "ClassStore":
@@ -193,11 +236,15 @@ class ClassStore:
             db = sqlite3.connect(path)
             db.executescript(
                 f"BEGIN; PRAGMA application_id={APPLICATION}; PRAGMA user_version={VERSION};"
-                f"{_TABLES} COMMIT;"
+                f"{_TABLES} {_COURSE} COMMIT;"
             )
             tokens = [secrets.token_urlsafe(TOKEN_BYTES) for _ in range(2)]
             with db:
-                db.execute("INSERT INTO class VALUES (1, ?, ?, ?, ?, 0)", (title, now(), *tokens))
+                db.execute(
+                    "INSERT INTO class (id, title, made_at, teacher_token, trainee_token,"
+                    " shows_standing, uuid) VALUES (1, ?, ?, ?, ?, 0, ?)",
+                    (title, now(), *tokens, secrets.token_hex(16)),
+                )
             db.close()
         except BaseException:
             path.unlink()
@@ -247,12 +294,37 @@ class ClassStore:
             db.execute("UPDATE class SET shows_standing = ?", (int(shown),))
         self._shows_standing = shown
 
+    @property
+    def course(self) -> str | None:
+        """The file of the class's course, if it has one."""
+        return self._course
+
+    @course.setter
+    def course(self, content: str | None) -> None:
+        with self._writing() as db:
+            db.execute("UPDATE class SET course = ?", (content,))
+        self._course = content
+
+    @property
+    def learning_record_store(self) -> str | None:
+        """Where xAPI statements of results are sent to, as JSON, or None."""
+        return self._learning_record_store
+
+    @learning_record_store.setter
+    def learning_record_store(self, content: str | None) -> None:
+        with self._writing() as db:
+            db.execute("UPDATE class SET learning_record_store = ?", (content,))
+            if content is None:
+                db.execute("DELETE FROM statement WHERE sent_at IS NULL")
+        self._learning_record_store = content
+
     # People
 
     def person_of(self, browser: str) -> Person | None:
         """Return who uses a browser, if the name was typed."""
         found = self._rows(
-            "SELECT id, name, joined_at FROM person WHERE browser_sha256 = ?", _digest(browser)
+            "SELECT id, name, joined_at, level FROM person WHERE browser_sha256 = ?",
+            _digest(browser),
         )
         return Person(*found[0]) if found else None
 
@@ -261,7 +333,7 @@ class ClassStore:
         return [
             Person(*row)
             for row in self._rows(
-                "SELECT id, name, joined_at FROM person ORDER BY joined_at, rowid"
+                "SELECT id, name, joined_at, level FROM person ORDER BY joined_at, rowid"
             )
         ]
 
@@ -276,7 +348,7 @@ class ClassStore:
             if known is None and count >= MOST_PEOPLE:
                 raise ClassFullError(f"This class has {MOST_PEOPLE} people already.")
             db.execute(
-                "INSERT INTO person VALUES (?, ?, ?, ?)"
+                "INSERT INTO person (id, browser_sha256, name, joined_at) VALUES (?, ?, ?, ?)"
                 " ON CONFLICT (browser_sha256) DO UPDATE SET name = excluded.name",
                 (secrets.token_urlsafe(ID_BYTES), _digest(browser), name, now()),
             )
@@ -284,13 +356,28 @@ class ClassStore:
         assert found is not None  # noqa: S101 (just written)
         return found
 
-    def delete_person(self, person_id: str) -> bool:
+    def delete_person(self, person_id: str, void: Callable[[str], Statement] | None = None) -> bool:
         """Delete a person with all runs, overwritten in the file; return whether there was one."""
+        # What waits to be sent goes too; what may have been sent is voided, by what `void` makes.
         with self._writing() as db:
             gone = db.execute("DELETE FROM person WHERE id = ?", (person_id,)).rowcount > 0
+            sent = db.execute(
+                "SELECT id FROM statement WHERE person_id = ? AND tries > 0 AND refused IS NULL",
+                (person_id,),
+            ).fetchall()
+            db.execute("DELETE FROM statement WHERE person_id = ?", (person_id,))
+            if void is not None:
+                _queue(db, [void(each["id"]) for each in sent])
         with self._lock:
             self._forget()
         return gone
+
+    def set_level(self, level: str | None, person_id: str | None = None) -> None:
+        """Set a level of the course for a person or for all; None leaves it to the course."""
+        with self._writing() as db:
+            db.execute(
+                "UPDATE person SET level = ?1 WHERE ?2 IS NULL OR id = ?2", (level, person_id)
+            )
 
     # Exercises
 
@@ -343,8 +430,9 @@ class ClassStore:
 
     # Runs
 
-    def save(self, run: RunRecord) -> None:
+    def save(self, run: RunRecord, statements: Sequence[Statement] = ()) -> None:
         """Write a run, in place of what was kept of it; a finished one stays as it is."""
+        # In one transaction with its statements: a kill leaves both or neither.
         if len(run.file) > MOST_RUN_BYTES:
             raise ClassFullError("This run is too long to be kept.")
         with self._writing() as db:
@@ -354,28 +442,79 @@ class ClassStore:
             if count >= MOST_RUNS:
                 raise ClassFullError(f"{MOST_RUNS} runs of yours are kept already.")
             db.execute(
-                "INSERT INTO run VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+                f"INSERT INTO run ({_RUN}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"  # noqa: S608
                 " ON CONFLICT (id) DO UPDATE SET finished = excluded.finished,"
                 " passed = excluded.passed, reason = excluded.reason,"
-                " measures = excluded.measures, file = excluded.file"
+                " measures = excluded.measures, file = excluded.file,"
+                " incidents = excluded.incidents"
                 " WHERE finished = 0",
                 astuple(run),
             )
+            _queue(db, statements)
 
     def runs(self, person_id: str | None = None) -> list[RunRecord]:
         """Return runs, oldest first, of all or one person, without their files."""
         rows = self._rows(
-            "SELECT id, person_id, assignment_id, mode, title, started_at, finished, passed,"
-            " reason, measures, x'' FROM run WHERE ?1 IS NULL OR person_id = ?1"
+            f"SELECT {_RUN_WITHOUT_FILE} FROM run WHERE ?1 IS NULL OR person_id = ?1"  # noqa: S608
             " ORDER BY started_at, rowid",
+            person_id,
+        )
+        return [_record(row) for row in rows]
+
+    def level_runs(self, person_id: str | None = None) -> list[RunRecord]:
+        """Return the finished runs of levels of a course, oldest first, without their files."""
+        rows = self._rows(
+            f"SELECT {_RUN_WITHOUT_FILE} FROM run WHERE level IS NOT NULL AND finished"  # noqa: S608
+            " AND (?1 IS NULL OR person_id = ?1) ORDER BY started_at, rowid",
             person_id,
         )
         return [_record(row) for row in rows]
 
     def run(self, run_id: str) -> RunRecord | None:
         """Return a run with its file."""
-        found = self._rows("SELECT * FROM run WHERE id = ?", run_id)
+        found = self._rows(f"SELECT {_RUN} FROM run WHERE id = ?", run_id)  # noqa: S608
         return _record(found[0]) if found else None
+
+    # Statements for a learning record store
+
+    def queue(self, statements: Iterable[Statement]) -> None:
+        """Queue statements that are not there yet."""
+        with self._writing() as db:
+            _queue(db, statements)
+
+    def statements_to_send(self, most: int) -> list[Statement]:
+        """Return some that wait, each marked as tried before it is sent."""
+        with self._writing() as db:
+            rows = db.execute(
+                "SELECT id, person_id, content FROM statement"
+                " WHERE sent_at IS NULL AND refused IS NULL ORDER BY rowid LIMIT ?",
+                (most,),
+            ).fetchall()
+            db.executemany(
+                "UPDATE statement SET tries = tries + 1 WHERE id = ?",
+                [(row["id"],) for row in rows],
+            )
+        return [Statement(*row) for row in rows]
+
+    def statements_sent(self, ids: Iterable[str]) -> None:
+        """Mark statements as sent."""
+        with self._writing() as db:
+            db.executemany(
+                "UPDATE statement SET sent_at = ? WHERE id = ?", [(now(), each) for each in ids]
+            )
+
+    def statement_refused(self, statement_id: str, reason: str) -> None:
+        """Mark a statement as refused, which is not sent again."""
+        with self._writing() as db:
+            db.execute("UPDATE statement SET refused = ? WHERE id = ?", (reason, statement_id))
+
+    def statement_counts(self) -> tuple[int, int, int, str]:
+        """Return how many statements wait, were sent, were refused, and the last refusal's why."""
+        (row,) = self._rows(
+            "SELECT count(*) FILTER (WHERE sent_at IS NULL AND refused IS NULL),"
+            " count(sent_at), count(refused), coalesce(max(refused), '') FROM statement"
+        )
+        return tuple(row)
 
     def _rows(self, query: str, *values: object) -> list[Any]:
         with self._lock:
@@ -402,6 +541,13 @@ class ClassStore:
         # Another process reads it now, or it is closed already.
         with contextlib.suppress(sqlite3.OperationalError, sqlite3.ProgrammingError):
             self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+
+def _queue(db: sqlite3.Connection, statements: Iterable[Statement]) -> None:
+    db.executemany(
+        "INSERT OR IGNORE INTO statement (id, person_id, content) VALUES (?, ?, ?)",
+        [astuple(each) for each in statements],
+    )
 
 
 def _record(row: Any) -> RunRecord:

@@ -134,6 +134,144 @@ def export(
         store.close()
 
 
+@program.command("course")
+def course(
+    title: Title,
+    file: Annotated[Path | None, typer.Argument(help="A course's file (TOML).")] = None,
+    default: Annotated[
+        bool, typer.Option("--default", help="The course that comes with the program.")
+    ] = False,
+    off: Annotated[bool, typer.Option("--off", help="No course any more.")] = False,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the class's course to a file.")
+    ] = None,
+) -> None:
+    """Set the course of a class, or say which it has; what people did in it is kept.
+
+    Example: bluntdissect class course "Surgery 3A" --default
+    """
+    from app.bounded_file import read_bounded
+    from app.classroom.class_course import ClassCourse
+    from app.classroom.course import LONGEST_FILE, default_course
+    from organ_geometry import write_atomic
+
+    if (file is not None) + default + off > 1:
+        raise ValueError("a course's file, --default and --off do not go together")
+    content = default_course() if default else None
+    if file is not None:
+        try:
+            content = read_bounded(file, 4 * LONGEST_FILE, "course").decode()
+        except UnicodeDecodeError:
+            raise ValueError(f"{file} is no course: it is not text") from None
+    store = _store(title)
+    try:
+        book = ClassCourse(store)
+        if content is not None or off:
+            book.choose(content)
+        if output is not None:
+            if store.course is None:
+                raise ValueError(f"{store.title} has no course")
+            write_atomic(output, store.course.encode())
+        if book.course is None:
+            print(f"{store.title} has no course.")
+            return
+        print(f"{store.title} has the course {book.course.title!r}:")
+        for each in book.course.level:
+            after = f", after {', '.join(each.needs)}" if each.needs else ""
+            print(f"  {each.id}: {each.title}, {each.passes} passes in a row{after}")
+        for each in book.course.benchmark:
+            print(f"  benchmark of {each.metric} in {each.level}: {each.value:g} ({each.origin})")
+    finally:
+        store.close()
+
+
+@program.command("benchmark")
+def benchmark(
+    title: Title,
+    people: Annotated[
+        list[str] | None,
+        typer.Option("--expert", help="Somebody whose passes set it; give it for each of them."),
+    ] = None,
+    scripted: Annotated[
+        bool, typer.Option("--scripted", help="By scripted hands; it takes some minutes.")
+    ] = False,
+    organ: Annotated[
+        Path | None, typer.Option(help="The class's organ, for scripted hands; else the shipped.")
+    ] = None,
+) -> None:
+    """Set the benchmarks of a class's course from the runs of chosen people, or of scripted hands.
+
+    Example: bluntdissect class benchmark "Surgery 3A" --expert Ann --expert Ben --expert Cas
+    """
+    from app.classroom.benchmarks import expert_benchmarks, scripted_benchmarks
+    from app.classroom.class_course import ClassCourse
+    from app.classroom.course import with_benchmarks
+    from app.classroom.results import shown_names
+    from app.command_line.load import organ_from
+
+    if bool(people) == scripted:
+        raise ValueError("name people by --expert, or give --scripted")
+    store = _store(title)
+    try:
+        book = ClassCourse(store)
+        if book.course is None or store.course is None:
+            raise ValueError(f"{store.title} has no course; set one with bluntdissect class course")
+        if people:
+            known = {name: who for who, name in shown_names(store.people()).items()}
+            for name in people:
+                if name not in known:
+                    raise ValueError(f"there is nobody called {name!r} in {store.title}")
+            tries = book.tries()
+            found = expert_benchmarks(book.course, {name: tries[known[name]] for name in people})
+        else:
+            found, passed = scripted_benchmarks(book.course, organ_from(organ))
+            for level, (count, of) in passed.items():
+                print(f"Scripted hands passed level {level} in {count} of {of} runs.")
+        book.choose(with_benchmarks(store.course, found))
+        for each in found:
+            print(f"{each.level}, {each.metric}: {each.value:g} ({each.origin})")
+    finally:
+        store.close()
+
+
+@program.command("xapi")
+def xapi(
+    title: Title,
+    url: Annotated[
+        str | None, typer.Argument(help="Of a learning record store: https://lrs.example.org/xapi.")
+    ] = None,
+    key: Annotated[str, typer.Option(help="The key's name that the store gave.")] = "",
+    version: Annotated[str, typer.Option(help="Of xAPI: 1.0.3 or 2.0.0.")] = "1.0.3",
+    off: Annotated[bool, typer.Option("--off", help="Send nothing any more.")] = False,
+) -> None:
+    """Send results to a learning record store while the class is open; the secret is asked for.
+
+    Example: bluntdissect class xapi "Surgery 3A" https://lrs.example.org/xapi --key trainer
+    """
+    from app.classroom.class_course import ClassCourse
+    from app.classroom.xapi_sender import LearningRecordStore, connect, disconnect
+
+    if url is not None and off:
+        raise ValueError("an address and --off do not go together")
+    store = _store(title)
+    try:
+        if url is not None:
+            LearningRecordStore.of(url, version)
+            secret = typer.prompt("Secret", hide_input=True)
+            connect(store, ClassCourse(store), url, version, key, secret)
+        elif off:
+            disconnect(store)
+        waiting, sent, refused, reason = store.statement_counts()
+        if store.learning_record_store is None:
+            print(f"{store.title} sends nothing.")
+        else:
+            print(f"{store.title} sends its results: {store.learning_record_store}")
+        counts = f"{waiting} statements wait, {sent} were sent, {refused} were refused."
+        print(f"{counts} {reason}".rstrip())
+    finally:
+        store.close()
+
+
 @program.command("backup")
 def backup(title: Title, file: Annotated[Path, typer.Argument(help="New file.")]) -> None:
     """Copy a class to a file, also while it is open; the file opens like the class.

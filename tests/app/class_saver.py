@@ -46,7 +46,7 @@ def save_until_killed() -> None:
     """Save runs one after the other, and print each one's identity once it is acknowledged."""
     store = ClassStore(Path(sys.argv[1]))
     person = store.name_person("browser", "Ann")
-    recorder = Recorder(store)
+    recorder = Recorder(store, lambda _: ())
     measures = '{"time_s": 1.0}'
     while True:
         run_id, acknowledged = uuid.uuid4().hex, threading.Event()

@@ -130,6 +130,66 @@ def teacher_page(browser: Browser, trainer: Trainer) -> Page:
     return page
 
 
+COURSE = """
+id = "two"
+title = "Two levels"
+version = 1
+[[level]]
+id = "window"
+title = "Open <it>"
+step = "Open a window."
+goal = "window"
+passes = 1
+[[level]]
+id = "front"
+title = "The front"
+step = "Follow it."
+goal = "follow_front"
+needs = ["window"]
+"""
+
+
+def test_a_level_is_begun_failed_and_begun_again_on_another_bed(
+    browser: Browser, running: Trainer
+) -> None:
+    lesson = lesson_of(running)
+    lesson.choose_course(COURSE)
+    token = running.link.partition("token=")[2]
+    with trainer_page(browser, running.address, query=f"&token={token}") as page:
+        cas = Trainee(page)
+        assert not cas.page.get_by_test_id("class-levels").is_visible()
+        cas.join("Cas")
+        levels = cas.page.get_by_test_id("class-levels")
+        expect(levels).to_contain_text("Level 1 of 2: Open <it>. 0 of 1 passed in a row.")
+        expect(cas.page.get_by_test_id("class-exercise")).to_have_text("Open a window.")
+        cas.trainer.press("Start the next try")
+        expect(cas.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
+        cas.lift(14)
+        cas.told("Failed.")
+        expect(levels).to_contain_text("Last:")
+        (kept,) = [each for each in lesson.store.runs() if each.finished]
+        assert (kept.level, kept.seed, kept.passed, kept.title) == ("window", 1, False, "Open <it>")
+        assert json.loads(kept.incidents or "")
+        cas.page.get_by_role("dialog").get_by_role("button", name="Close").click()
+        # The next try is another bed.
+        cas.trainer.press("Start the next try")
+        expect(cas.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
+        (person,) = lesson.store.people()
+        view = next(each.view for each in lesson._all())
+        exercise = view.session.run.exercise
+        assert exercise is not None
+        assert exercise.opening is not None
+        assert exercise.opening.bed_seed == 2
+        # The teacher sets the other level for all.
+        lesson.set_level("front", None)
+        expect(levels).to_contain_text("Level 2 of 2: The front.")
+        lesson.set_level(None, person.id)
+        expect(levels).to_contain_text("Level 1 of 2")
+        lesson.delete(person.id)
+        expect(levels).to_be_hidden()
+        lesson.choose_course(None)
+
+
 def test_a_lesson_from_the_first_name_to_the_restart(
     browser: Browser, path: Path, running: Trainer
 ) -> None:

@@ -185,13 +185,13 @@ def test_a_full_disk_is_told_and_what_waits_is_saved_later(
     save, full = store.save, threading.Event()
     full.set()
 
-    def write(run: object) -> None:
+    def write(run: object, _: object) -> None:
         if full.is_set():
             raise sqlite3.OperationalError("database or disk is full")
         save(run)  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(store, "save", write)
-    recorder, told = Recorder(store), Queue[str | None]()
+    recorder, told = Recorder(store, lambda _: ()), Queue[str | None]()
     kept = record(ann.id)
     recorder.save(kept.id, lambda: kept, told.put)
     trouble = told.get(timeout=LONGEST)

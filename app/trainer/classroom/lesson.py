@@ -13,11 +13,15 @@ from weakref import WeakKeyDictionary
 import msgspec
 import viser
 
+from app.classroom.class_course import ClassCourse
 from app.classroom.exercise_file import SetExercise, read_exercise
+from app.classroom.progress import Try, next_level
 from app.classroom.recorder import Recorder
 from app.classroom.results import Result, best, results, shown_names, standing
-from app.classroom.store import Assignment, ClassStore, Person, RunRecord, now
+from app.classroom.store import Assignment, ClassStore, Person, RunRecord, Statement, now
+from app.classroom.xapi_sender import Sender, class_statements, connect, disconnect, voided_by
 from app.simulation import (
+    Exercise,
     Preset,
     RunFile,
     Session,
@@ -71,6 +75,8 @@ class _Member:
     last: str = ""
     saved_at: float = 0.0
     save_after: float = SAVE_SECONDS
+    # of the course that was put on the duct, and its exercise
+    level: tuple[str, Exercise] | None = None
     lock: threading.Lock = field(default_factory=threading.Lock)  # while a duct is put there
 
 
@@ -91,13 +97,16 @@ class Lesson:
 
     def __init__(self, store: ClassStore, organ: Organ, preset: Preset | None = None) -> None:
         self.store, self._organ, self._preset = store, organ, preset
+        self.course = ClassCourse(store)
         self.version = 0
-        self._recorder = Recorder(store)
+        self._recorder = Recorder(store, self._statements)
+        self.sender = Sender(store)
         self._lock = threading.RLock()
         self._members: dict[ClientView, _Member] = {}
         # By the run, so that a run keeps its identity in whatever page it goes on.
         self._ids: WeakKeyDictionary[Any, tuple[str, str]] = WeakKeyDictionary()
         self._found: tuple[int, list[Result]] = -1, []
+        self._read_tries: tuple[int, dict[str, list[Try]]] = -1, {}
         self._assignment: Assignment | None = None
         self._asked: SetExercise | None = None
         self._take_assignment(store.assignment())
@@ -112,6 +121,7 @@ class Lesson:
         for member in self._all():
             self._save_unfinished(member)
         self._recorder.stop()
+        self.sender.stop()
         self.store.close()
 
     # Pages of trainees
@@ -176,10 +186,15 @@ class Lesson:
 
     def _show(self, member: _Member) -> None:
         person, assignment, asked = member.person, self._assignment, self._asked
-        text, where = "", None
+        text, where, course = "", None, self.course.course
+        in_course = course is not None and person is not None
         if asked is not None and assignment is not None and assignment.goes_on:
             lines = [f"<b>{html.escape(asked.title)}</b>", *html.escape(asked.text).splitlines()]
-            text = "<br>".join(lines)
+            text, in_course = "<br>".join(lines), False
+        steps = self.course.standing(self._tries(person)) if in_course and person else []
+        step = next_level(steps, person.level) if person and steps else None
+        if course is not None and step is not None:
+            text = html.escape(course.level_of(step.level).step)
         if self.store.shows_standing and person is not None and assignment is not None:
             where = standing(self._results(), person.id, assignment.id)
         member.card.show(
@@ -191,6 +206,8 @@ class Lesson:
                 saved=member.saved,
                 last=member.last,
                 standing=where if where is not None and where.own is not None else None,
+                levels=steps,
+                level=step,
             )
         )
 
@@ -223,9 +240,10 @@ class Lesson:
 
     def delete(self, person_id: str) -> None:
         """Delete a person with all results; who is here yet may join anew."""
-        if not self.store.delete_person(person_id):
+        if not self.store.delete_person(person_id, voided_by(self.store)):
             raise ValueError("There is nobody like that.")
         self.version += 1
+        self.sender.wake()
         for member in self._all():
             if member.person is not None and member.person.id == person_id:
                 member.person, member.saved, member.last = None, "", ""
@@ -262,11 +280,20 @@ class Lesson:
             threading.Thread(target=self._put, args=(member,), daemon=True).start()
 
     def _put(self, member: _Member) -> None:
-        """Put the exercise on a duct, whatever goes on there."""
-        current = self.assignment
-        if current is None or not current[0].goes_on or member.person is None:
+        """Put the exercise that is set, or the next one of the course, on a duct."""
+        current, person = self.assignment, member.person
+        if person is None:
             return
-        asked, view = current[1], member.view
+        level: tuple[str, Exercise] | None = None
+        if current is not None and current[0].goes_on:
+            asked = current[1]
+        else:
+            found = self.course.next_try(person, self._tries(person), self._organ, self._preset)
+            if found is None:
+                return
+            asked = found[1]
+            level = found[0].level, asked.exercise
+        view = member.view
         preset = self._preset if asked.preset is None else preset_named(asked.preset)
         wanted = preset or default_preset(self._organ)
         with member.lock:
@@ -278,11 +305,40 @@ class Lesson:
                 if view.mode != asked.mode or not same or asked.mode == "pull":
                     view.show_duct(self._organ, preset, asked.mode)
                 exercise: Any = asked.exercise
+                member.level = level
                 view.state.start_exercise(exercise, asked.feedback)
                 open_tab(view.client, LEARN)
             except Exception:  # the page may have gone
                 log.warning("an exercise could not be put on a page", exc_info=True)
         self._show(member)
+
+    def choose_course(self, content: str | None) -> None:
+        """Take the course in a file for the class, or none."""
+        self.course.choose(content)
+        self._course_changed()
+
+    def set_level(self, level: str | None, person_id: str | None) -> None:
+        """Set a level for one or for all; None leaves it to the course."""
+        self.course.set_level(level, person_id)
+        self._course_changed()
+
+    def connect(self, url: str, version: str, key: str, secret: str) -> None:
+        """Have results sent to a learning record store."""
+        connect(self.store, self.course, url, version, key, secret)
+        self.sender.wake()
+
+    def disconnect(self) -> None:
+        """Send no results any more."""
+        disconnect(self.store)
+
+    def _statements(self, run: RunRecord) -> list[Statement]:
+        return class_statements(self.store, self.course, run)
+
+    def _course_changed(self) -> None:
+        for member in self._all():
+            member.person = self.store.person_of(member.browser)
+        self.version += 1
+        self._show_all()
 
     def _end_all(self) -> None:
         current = self.assignment
@@ -321,6 +377,12 @@ class Lesson:
                 )
             )
         return rows, sum(each.person is None for each in self._all())
+
+    def _tries(self, person: Person) -> list[Try]:
+        """Return somebody's tries at levels, read again when there are new ones."""
+        if self._read_tries[0] != self.version:
+            self._read_tries = self.version, self.course.tries()
+        return self._read_tries[1].get(person.id, [])
 
     def _results(self) -> list[Result]:
         """Return all results, read again when there are new ones."""
@@ -399,6 +461,13 @@ class Lesson:
         with self._lock:
             run_id, started_at = self._ids.setdefault(run, (uuid4().hex, now()))
         mine = current is not None and run.exercise == current[1].exercise
+        exercise: Exercise | None = run.exercise
+        level = member.level[0] if member.level and member.level[1] == exercise else None
+        level = None if mine else level
+        opening = exercise.opening if level and exercise else None
+        course = self.course.course
+        titled = course.level_of(level).title if course and level else ""
+        incidents = run.incidents() if finished else None
         member.saved = SAVING if finished else member.saved
 
         def make() -> RunRecord:
@@ -410,13 +479,18 @@ class Lesson:
                 person_id=person.id,
                 assignment_id=current[0].id if mine and current is not None else None,
                 mode="dissect" if content.log.start.in_bed else "pull",
-                title=current[1].title if mine and current is not None else run_title(content),
+                title=current[1].title
+                if mine and current is not None
+                else titled or run_title(content),
                 started_at=started_at,
                 finished=finished,
                 passed=None if outcome is None else outcome.passed,
                 reason="" if outcome is None else outcome.reason,
                 measures=msgspec.json.encode(content.metrics).decode(),
                 file=run_json(content),
+                level=level,
+                seed=None if opening is None else opening.bed_seed,
+                incidents=None if incidents is None else msgspec.json.encode(incidents).decode(),
             )
             member.save_after = max(SAVE_SECONDS, PATIENCE * (time.monotonic() - began))
             return record
@@ -428,6 +502,7 @@ class Lesson:
             elif finished:
                 member.saved = f"{SAVED} {now()[11:19]}"
             self.version += finished
+            self.sender.wake()
             if finished:
                 self._show_safely(member)
 

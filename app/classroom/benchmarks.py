@@ -1,0 +1,149 @@
+"""Benchmarks of a course: from runs of chosen people, or of scripted hands until there are any."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.classroom.course import INCIDENTS, LOWER, Benchmark, Course, Level
+from app.classroom.progress import Try
+from app.simulation import (
+    FEW,
+    MANNERS,
+    Incident,
+    Metrics,
+    Preset,
+    Session,
+    free_specimen,
+    perform,
+    specimen_in_bed,
+)
+from organ_geometry import Organ
+
+__all__ = ["expert_benchmarks", "scripted_benchmarks", "scripted_try"]
+
+TREMOR_MM = 0.3
+PACES = (0.7, 1.0, 1.3)
+"""Speeds of scripted hands, over those of the good ones."""
+SHARE = 0.95
+"""Share of the runs of scripted hands that keep their benchmark: who passes so often needs 3.3
+tries for three passes in a row."""
+SPREAD = 1.96
+"""Standard deviations of the others beyond which an expert is left out."""
+LEAST_EXPERTS = 3
+
+
+class _Trembling(Session):
+    """A session whose hands tremble about where they are led: noise of about 8 Hz."""
+
+    noise: np.random.Generator
+    off: NDArray[np.float64]
+
+    def move_hand(self, hand: int, place: Sequence[float] | NDArray[np.float64]) -> None:
+        """Lead a hand to about a place."""
+        fresh = self.noise.normal(0.0, TREMOR_MM * math.sqrt(1.0 - 0.2**2), 3)
+        self.off[hand] = 0.2 * self.off[hand] + fresh
+        super().move_hand(hand, np.asarray(place) + self.off[hand])
+
+
+def scripted_try(
+    level: Level, organ: Organ, preset: Preset | None, *, row: int, seed: int, pace: float
+) -> Session:
+    """Return a session in which good hands that tremble did a level, `pace` times as fast."""
+    exercise = level.try_on(organ, preset, row=row, seed=seed).exercise
+    opening = exercise.opening
+    specimen = (
+        free_specimen(organ, preset)
+        if opening is None
+        else specimen_in_bed(organ, preset, bed_seed=opening.bed_seed)
+    )
+    session = _Trembling(specimen, vertices=FEW)
+    session.noise, session.off = np.random.default_rng(seed), np.zeros((2, 3))
+    session.start_exercise(exercise)
+    good: Any = MANNERS[level.goal]["good"]
+    quick = {"seconds": good.seconds / pace} if opening is None else {"speed": pace * good.speed}
+    perform(session, replace(good, **quick))
+    session.finish()
+    return session
+
+
+def scripted_benchmarks(
+    course: Course, organ: Organ, preset: Preset | None = None
+) -> tuple[list[Benchmark], dict[str, tuple[int, int]]]:
+    """Return benchmarks by scripted hands, and how many runs of each level passed, of how many."""
+    # A run of each seed, the beds and paces in turn; those that failed do not count.
+    found: list[Benchmark] = []
+    passed: dict[str, tuple[int, int]] = {}
+    for level in course.level:
+        if not level.benchmarks:
+            continue
+        runs: list[tuple[Metrics, list[Incident]]] = []
+        for number, seed in enumerate(level.seeds):
+            session = scripted_try(
+                level, organ, preset, row=number, seed=seed, pace=PACES[number // 3 % 3]
+            )
+            outcome = session.run.outcome
+            if outcome is not None and outcome.passed:
+                runs.append((session.metrics(), session.run.incidents()))
+        passed[level.id] = len(runs), len(level.seeds)
+        if not runs:
+            raise ValueError(f"scripted hands passed level {level.id} on none of its beds")
+        for metric in level.benchmarks:
+            values = np.array([_value(metric, *each) for each in runs])
+            share = SHARE if LOWER[metric] else 1.0 - SHARE
+            mark = float(np.quantile(values, share, method="higher" if LOWER[metric] else "lower"))
+            found.append(_benchmark(level.id, metric, mark, values, "scripted", 0))
+    return found, passed
+
+
+def expert_benchmarks(course: Course, tries: Mapping[str, Sequence[Try]]) -> list[Benchmark]:
+    """Return benchmarks from chosen people's tries that passed: the mean of each one's mean."""
+    # Who lies beyond 1.96 sd of all is left out (ANZ J Surg 14474).
+    found: list[Benchmark] = []
+    for level in course.level:
+        for metric in level.benchmarks:
+            means = _means(level.id, metric, tries.values())
+            if len(means) < LEAST_EXPERTS:
+                continue
+            values = np.array(means)
+            near = np.abs(values - values.mean()) <= SPREAD * values.std(ddof=1)
+            kept = values[near]
+            found.append(
+                _benchmark(
+                    level.id, metric, float(kept.mean()), kept, "experts", int((~near).sum())
+                )
+            )
+    if not found:
+        raise ValueError(
+            f"a benchmark needs passes of {LEAST_EXPERTS} people in a level; no level has them"
+        )
+    return found
+
+
+def _means(level: str, metric: str, tries: Iterable[Sequence[Try]]) -> list[float]:
+    """Return each person's mean over the tries of a level that passed."""
+    own = (
+        [_value(metric, each.metrics, each.incidents)
+         for each in of_one if each.level == level and each.passed]
+        for of_one in tries
+    )  # fmt: skip
+    return [sum(each) / len(each) for each in own if each]
+
+
+def _value(metric: str, metrics: Metrics, incidents: Sequence[Incident]) -> float:
+    return float(len(incidents)) if metric == INCIDENTS else float(metrics[metric])
+
+
+def _benchmark(
+    level: str, metric: str, value: float, values: NDArray[np.float64], source: str, out: int
+) -> Benchmark:
+    return Benchmark(
+        level=level, metric=metric, value=round(value, 4), mean=round(float(values.mean()), 4),
+        sd=round(float(values.std(ddof=1)), 4) if len(values) > 1 else 0.0, n=len(values),
+        source="experts" if source == "experts" else "scripted",
+        date=datetime.now(UTC).date().isoformat(), left_out=out,
+    )  # fmt: skip

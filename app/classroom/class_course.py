@@ -1,0 +1,76 @@
+"""The course of a class: which it is, where its people stand in it, and what each does next."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+from app.classroom.course import Course, read_course
+from app.classroom.exercise_file import SetExercise
+from app.classroom.progress import LevelStanding, Try, next_level, standings
+from app.classroom.store import ClassStore, Person
+from app.simulation import Preset
+from organ_geometry import Organ
+
+__all__ = ["ClassCourse"]
+
+
+class ClassCourse:
+    """The course of an open class; tries that were read are kept, as they do not change."""
+
+    def __init__(self, store: ClassStore) -> None:
+        self._store = store
+        self._course = None if store.course is None else read_course(store.course)
+        self._tries: dict[str, Try] = {}
+
+    @property
+    def course(self) -> Course | None:
+        """The course, if the class has one."""
+        return self._course
+
+    def choose(self, content: str | None) -> None:
+        """Take the course in a file, or none; a `ValueError` says what is wrong with it.
+
+        Levels that a teacher has set and that it does not have are no longer set.
+        """
+        course = None if content is None else read_course(content)
+        self._store.course, self._course = content, course
+        known = set[str]() if course is None else {each.id for each in course.level}
+        for person in self._store.people():
+            if person.level is not None and person.level not in known:
+                self._store.set_level(None, person.id)
+
+    def set_level(self, level: str | None, person_id: str | None = None) -> None:
+        """Have one, or all, do a level until it is mastered; None leaves it to the course."""
+        if self._course is None:
+            raise ValueError("This class has no course.")
+        if level is not None:
+            self._course.level_of(level)
+        if person_id is not None and person_id not in {each.id for each in self._store.people()}:
+            raise ValueError("There is nobody like that.")
+        self._store.set_level(level, person_id)
+
+    def tries(self, person_id: str | None = None) -> dict[str, list[Try]]:
+        """Return everybody's tries, or one's, oldest first, by person."""
+        found: dict[str, list[Try]] = {
+            each.id: [] for each in self._store.people() if person_id in (None, each.id)
+        }
+        for run in self._store.level_runs(person_id):
+            if (each := self._tries.get(run.id)) is None:
+                each = self._tries[run.id] = Try.of(run)
+            found.setdefault(run.person_id, []).append(each)
+        return found
+
+    def standing(self, tries: Sequence[Try]) -> list[LevelStanding]:
+        """Return where somebody with some tries stands now."""
+        if self._course is None:
+            return []
+        return standings(self._course, tries, datetime.now(UTC))
+
+    def next_try(
+        self, person: Person, tries: Sequence[Try], organ: Organ, preset: Preset | None
+    ) -> tuple[LevelStanding, SetExercise] | None:
+        """Return the level that somebody does next and its exercise; None if nothing is open."""
+        where = next_level(self.standing(tries), person.level)
+        if self._course is None or where is None:
+            return None
+        level = self._course.level_of(where.level)
+        return where, level.try_on(organ, preset, row=where.row, seed=where.seed)

@@ -1,0 +1,305 @@
+"""A course: levels by proficiency, what each asks for, and the benchmarks it is held against.
+
+A course is a TOML file. Where a person stands in it follows from the course and the runs that are
+kept (`app.classroom.progress`): nothing of it is stored. A level is passed by so many passes in a
+row, each on a bed that was not seen before. Progression by proficiency made 60 % fewer errors in 12
+randomised trials (Mazzone et al. 2021, Ann Surg 274:281).
+"""
+
+import math
+import re
+from collections.abc import Iterable
+from functools import lru_cache
+from importlib.resources import files
+from typing import Literal
+
+import msgspec
+import tomli_w
+
+from app.bounded_file import decoded
+from app.classroom.exercise_file import PULLS, DuctChoice, ExerciseFile, Goal, SetExercise
+from app.simulation import ERROR_CLASSES, METRICS, Feedback, Preset
+from organ_geometry import Organ
+
+__all__ = [
+    "INCIDENTS",
+    "SAFE_SHARE",
+    "Benchmark",
+    "Course",
+    "Level",
+    "Retention",
+    "default_course",
+    "read_course",
+    "with_benchmarks",
+]
+
+INCIDENTS = "incidents"
+"""A benchmark's metric that is not in `METRICS`: how many incidents of errors a run has."""
+SAFE_SHARE = 0.95
+"""Least share of a run's time without an incident of a level's safety items: in use for safety
+items of a laparoscopic curriculum (LAP Mentor)."""
+LONGEST_FILE, MOST_LEVELS, MOST_SEEDS, MOST_PASSES = 50_000, 40, 200, 20
+LONGEST_ID, LONGEST_TITLE, LONGEST_STEP = 40, 60, 300
+LOWER = {each.key: each.better == "lower" for each in METRICS if each.better} | {INCIDENTS: True}
+"""Metrics that a benchmark may be of, and whether less is better."""
+
+Source = Literal["experts", "scripted"]
+
+
+def _check_id(name: str) -> None:
+    if not re.fullmatch(r"[a-z0-9_-]+", name) or len(name) > LONGEST_ID:
+        raise ValueError(f"id must have 1 to {LONGEST_ID} of a-z, 0-9, _ and -, got {name!r}")
+
+
+class Benchmark(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a metric of a level is held against, and whose runs it is from.
+
+    Of experts it is their mean (Mazzone 2021); of scripted hands the value that 95 % of their runs
+    keep.
+    """
+
+    level: str
+    metric: str
+    value: float
+    mean: float
+    sd: float
+    n: int  # experts, or runs of scripted hands
+    source: Source
+    date: str
+    left_out: int = 0  # experts whose mean lies beyond 1.96 sd of the others'
+
+    def __post_init__(self) -> None:
+        if self.metric not in LOWER:
+            raise ValueError(
+                f"metric {self.metric!r} is none of a benchmark's; there are: {', '.join(LOWER)}"
+            )
+        for name in ("value", "mean", "sd"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
+        if self.sd < 0.0 or self.n < 1 or self.left_out < 0:
+            raise ValueError("sd and left_out must be 0 or more, and n 1 or more")
+
+    @property
+    def origin(self) -> str:
+        """Whose it is, in words."""
+        if self.source == "scripted":
+            return f"{self.n} runs of scripted hands, {self.date}: no surgeon has set it"
+        out = f", {self.left_out} left out" if self.left_out else ""
+        return f"{self.n} experts, {self.date}{out}"
+
+
+class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A level: an exercise, what comes before it, and what passes it."""
+
+    id: str
+    title: str
+    step: str  # the one thing to do, in a sentence
+    goal: Goal
+    needs: tuple[str, ...] = ()  # levels to be mastered before
+    passes: int = 3  # in a row, each on a bed that was not seen before
+    beds: tuple[str, ...] = ()  # one after the other, with each pass in a row
+    seeds: tuple[int, ...] = tuple(range(1, 21))  # of the beds
+    feedback: tuple[Feedback, ...] = (Feedback.CONTINUOUS,)  # with each pass in a row
+    limits: dict[str, int | float] = {}  # of the exercise, as in an exercise file
+    errors: dict[str, int] = {}  # the same
+    safety: tuple[str, ...] = ()  # error classes, without which `SAFE_SHARE` of the time must be
+    benchmarks: dict[str, float] = {}  # metric: what its benchmark is multiplied by
+
+    def __post_init__(self) -> None:
+        _check_id(self.id)
+        if not 0 < len(self.title.strip()) <= LONGEST_TITLE or not self.title.isprintable():
+            raise ValueError(f"title must have 1 to {LONGEST_TITLE} characters")
+        if not 0 < len(self.step.strip()) <= LONGEST_STEP:
+            raise ValueError(f"step must have 1 to {LONGEST_STEP} characters")
+        if not 1 <= self.passes <= MOST_PASSES:
+            raise ValueError(f"passes must be from 1 to {MOST_PASSES}, got {self.passes}")
+        if self.goal in PULLS and self.beds:
+            raise ValueError(f"beds do not go with {self.goal}, which has no bed")
+        seeds = set(self.seeds)
+        if not 0 < len(seeds) <= MOST_SEEDS or len(seeds) < len(self.seeds) or min(seeds) < 0:
+            raise ValueError(f"seeds must be 1 to {MOST_SEEDS} different numbers from 0 on")
+        if self.goal not in PULLS and len(seeds) < self.passes:
+            raise ValueError(f"seeds must be as many as passes, {self.passes}, got {len(seeds)}")
+        if not self.feedback:
+            raise ValueError("feedback must have one or more of continuous, fading, summary")
+        for error in self.safety:
+            if error not in ERROR_CLASSES:
+                raise ValueError(
+                    f"safety has {error!r}, which is no class of errors; there are: "
+                    f"{', '.join(ERROR_CLASSES)}"
+                )
+        for metric, factor in self.benchmarks.items():
+            if metric not in LOWER:
+                raise ValueError(f"benchmarks has {metric!r}; there are: {', '.join(LOWER)}")
+            if not 0.0 < factor < math.inf:
+                raise ValueError(f"benchmarks.{metric} must be above 0 and finite, got {factor}")
+        self._file(None, Feedback.CONTINUOUS)  # refuses wrong limits, beds and errors
+
+    @property
+    def seeded(self) -> bool:
+        """Whether there is a bed, so that every try can be another."""
+        return self.goal not in PULLS
+
+    def try_on(
+        self, organ: Organ, preset: Preset | None, *, row: int, seed: int | None
+    ) -> SetExercise:
+        """Return the next try's exercise after `row` passes; seconds the first time in a bed."""
+        # The limits are those of the bed; only the scatter is the seed's.
+        bed = self.beds[row % len(self.beds)] if self.beds else None
+        feedback = self.feedback[min(row, len(self.feedback) - 1)]
+        asked = _asked(msgspec.json.encode(self._file(bed, feedback)), organ, preset)
+        opening = asked.exercise.opening
+        if seed is None or opening is None:
+            return asked
+        opening = msgspec.structs.replace(opening, bed_seed=seed)
+        exercise = msgspec.structs.replace(asked.exercise, opening=opening)
+        return msgspec.structs.replace(asked, exercise=exercise)
+
+    def _file(self, bed: str | None, feedback: Feedback) -> ExerciseFile:
+        return ExerciseFile(
+            self.title, self.goal, self.step, feedback, DuctChoice(bed=bed), self.limits,
+            self.errors,
+        )  # fmt: skip
+
+
+@lru_cache(maxsize=64)
+def _asked(file: bytes, organ: Organ, preset: Preset | None) -> SetExercise:
+    # As JSON, which can be a cache's key.
+    return msgspec.json.decode(file, type=ExerciseFile).on(organ, preset)
+
+
+class Retention(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Days after which a level that was mastered is tried once more."""
+
+    days: tuple[int, ...] = (14, 90)
+
+    def __post_init__(self) -> None:
+        if list(self.days) != sorted(set(self.days)) or any(each < 1 for each in self.days):
+            raise ValueError(f"days must rise from 1 on, got {list(self.days)}")
+
+
+class Course(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Levels, each of which may need others."""
+
+    id: str
+    title: str
+    version: int
+    level: tuple[Level, ...]
+    benchmark: tuple[Benchmark, ...] = ()
+    retention: Retention = Retention()
+
+    def __post_init__(self) -> None:
+        _check_id(self.id)
+        if not 0 < len(self.title.strip()) <= LONGEST_TITLE or not self.title.isprintable():
+            raise ValueError(f"title must have 1 to {LONGEST_TITLE} characters")
+        if not 0 < len(self.level) <= MOST_LEVELS:
+            raise ValueError(f"a course has 1 to {MOST_LEVELS} levels, not {len(self.level)}")
+        before: set[str] = set()
+        for number, each in enumerate(self.level):
+            where = f"$.level[{number}]"
+            if each.id in before:
+                raise ValueError(f"there are two levels {each.id!r} - at `{where}.id`")
+            for need in each.needs:
+                if need not in before:
+                    raise ValueError(
+                        f"level {each.id} needs {need!r}, which is no level before it - at "
+                        f"`{where}.needs`"
+                    )
+            before.add(each.id)
+            for metric in each.benchmarks:
+                if self.benchmark_of(each.id, metric) is None:
+                    raise ValueError(
+                        f"level {each.id} has no [[benchmark]] of {metric} - at "
+                        f"`{where}.benchmarks`"
+                    )
+        found: set[tuple[str, str]] = set()
+        for number, each in enumerate(self.benchmark):
+            if each.level not in before:
+                raise ValueError(
+                    f"a benchmark is of level {each.level!r}, which there is not - at "
+                    f"`$.benchmark[{number}].level`"
+                )
+            if (each.level, each.metric) in found:
+                raise ValueError(
+                    f"there are two benchmarks of {each.metric} in level {each.level} - at "
+                    f"`$.benchmark[{number}].metric`"
+                )
+            found.add((each.level, each.metric))
+
+    def benchmark_of(self, level: str, metric: str) -> Benchmark | None:
+        """Return the benchmark of a level's metric."""
+        return next(
+            (each for each in self.benchmark if (each.level, each.metric) == (level, metric)), None
+        )
+
+    def level_of(self, name: str) -> Level:
+        """Return a level by its id; a `ValueError` names those there are."""
+        for each in self.level:
+            if each.id == name:
+                return each
+        known = ", ".join(each.id for each in self.level)
+        raise ValueError(f"there is no level {name!r}; there are: {known}")
+
+
+def read_course(content: str) -> Course:
+    """Return the course in a TOML file; a `ValueError` says in a sentence what is wrong, where."""
+    if len(content) > LONGEST_FILE:
+        raise ValueError(f"a course has at most {LONGEST_FILE:,} characters")
+    try:
+        return decoded(msgspec.toml.decode, content, Course, "this is no course")
+    except ValueError as error:
+        raise ValueError(_with_line(str(error), content)) from None
+
+
+def _with_line(fault: str, content: str) -> str:
+    """Return what is wrong with a file, by the line instead of the path in it."""
+    found = re.fullmatch(r"(.*?) - at `([^`]*)`(?: - at `[^`]*`)?", fault, re.DOTALL)
+    if found is None:
+        return fault
+    said, path = found[1], found[2]
+    # A field that is not known, or the one that a sentence begins with.
+    named = re.search(r"unknown field `(\w+)`", said) or re.search(r": (\w+)", said)
+    keys = [*re.findall(r"\w+", path), *([named[1]] if named else [])]
+    return f"{said} (line {_line_of(keys, content)})"
+
+
+def _line_of(keys: list[str], content: str) -> int:
+    """Return the line of what a path of tables, places and keys leads to, as near as it goes."""
+    lines = content.splitlines()
+    at, rest = 0, keys
+    if len(keys) > 1 and keys[1].isdecimal():
+        heads = [i for i, line in enumerate(lines) if line.strip().startswith(f"[[{keys[0]}]]")]
+        at, rest = heads[int(keys[1])] if int(keys[1]) < len(heads) else 0, keys[2:]
+    for key in rest:
+        start = at
+        for i in range(at, len(lines)):
+            line = lines[i].strip()
+            if i > start and line.startswith("[["):
+                break
+            if re.match(rf"({key}\s*=|\[(\w+\.)*{key}\])", line) or re.search(
+                rf"[{{,]\s*{key}\s*=", line
+            ):
+                at = i
+                break
+    return at + 1
+
+
+def with_benchmarks(content: str, benchmarks: Iterable[Benchmark]) -> str:
+    """Return a course's file with benchmarks in place of those of the same level and metric."""
+    kept = {(each.level, each.metric): each for each in read_course(content).benchmark}
+    kept |= {(each.level, each.metric): each for each in benchmarks}
+    lines: list[str] = []
+    cut = False
+    for line in content.splitlines():
+        if line.lstrip().startswith("["):
+            cut = line.strip().startswith("[[benchmark]]")
+        if not cut:
+            lines.append(line)
+    tables = tomli_w.dumps({"benchmark": [msgspec.to_builtins(each) for each in kept.values()]})
+    return "\n".join(lines).rstrip() + "\n\n" + tables
+
+
+@lru_cache(maxsize=1)
+def default_course() -> str:
+    """Return the file of the course that comes with the program."""
+    return files("assets").joinpath("course.toml").read_text(encoding="utf-8")

@@ -1,0 +1,311 @@
+"""xAPI statements: what others' programs say of them, and that none is lost or doubled."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import pytest
+from class_runs import record
+from other_programs import package, program
+from program import LONGEST, refused, run
+from record_store import KEY, SECRET, RecordStore
+from statement_sender import INCIDENTS
+
+from app.classroom.class_course import ClassCourse
+from app.classroom.course import default_course
+from app.classroom.store import ClassStore, RunRecord, Statement
+from app.classroom.xapi import VERSIONS, pseudonym, voiding
+from app.classroom.xapi_sender import (
+    LearningRecordStore,
+    Sender,
+    checked_url,
+    class_statements,
+    connect,
+    disconnect,
+    voided_by,
+)
+
+HERE = Path(__file__).parent
+KILLS = 4
+
+
+@pytest.fixture(autouse=True)
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    return tmp_path / "config"
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[ClassStore]:
+    made = ClassStore.new(tmp_path / "class.sqlite", "Surgery 3A")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def records(tmp_path: Path) -> Iterator[RecordStore]:
+    made = RecordStore(tmp_path / "records.sqlite")
+    thread = threading.Thread(target=made.serve_forever)
+    thread.start()
+    yield made
+    made.shutdown()
+    made.server_close()
+    thread.join()
+
+
+def to(
+    store: ClassStore, url: str = "https://lrs.example.org/xapi", version: str = "1.0.3"
+) -> None:
+    found = LearningRecordStore.of(url, version)
+    store.learning_record_store = msgspec.json.encode(found).decode()
+
+
+def mastering(store: ClassStore, number: int) -> RunRecord:
+    """A try that passes the first level of the course, with an error in it."""
+    run = record(store.name_person("b", "Ann Smith").id, run_id=f"run-{number}", passed=True)
+    return replace(
+        run, reason="Reached.", level="approach", incidents=INCIDENTS,
+        started_at=f"2026-11-25T10:0{number}:00+01:00",
+    )  # fmt: skip
+
+
+def every_kind(store: ClassStore, version: str) -> list[Statement]:
+    """Statements of every kind."""
+    store.course = default_course()
+    book = ClassCourse(store)
+    to(store, version=version)
+    found: list[Statement] = []
+    for number in range(2):
+        run = mastering(store, number)
+        found += class_statements(store, book, run)
+        store.save(run)
+    person = store.people()[0]
+    failed = record(person.id, run_id="f", passed=False, reason="Too far.")
+    given_up = replace(record(person.id, run_id="g"), level="window", seed=3)
+    found += class_statements(store, book, failed) + class_statements(store, book, given_up)
+    void = voided_by(store)
+    assert void is not None
+    return [*found, void(found[0].id)]
+
+
+def test_every_kind_of_statement_is_valid_to_learning_locker(
+    store: ClassStore, tmp_path: Path
+) -> None:
+    checker = package("@learninglocker/xapi-validation")
+    found = every_kind(store, "1.0.3")
+    verbs = [json.loads(each.content)["verb"]["id"].rpartition("/")[2] for each in found]
+    assert verbs == [
+        "passed", "erred", "passed", "erred", "mastered", "failed", "failed", "voided",
+    ]  # fmt: skip
+    spoilt = json.loads(found[0].content)
+    spoilt["result"]["duration"], spoilt["timestamp"] = "19 s", "yesterday"
+    file = tmp_path / "statements.json"
+    file.write_text(json.dumps([*(json.loads(each.content) for each in found), spoilt]))
+    script = (
+        f"const check = require({json.dumps(str(checker))});"
+        f"const all = JSON.parse(require('fs').readFileSync({json.dumps(str(file))}));"
+        "console.log(JSON.stringify(all.map(each => check.default(each).length)))"
+    )
+    done = subprocess.run(
+        [program("node"), "-e", script],
+        capture_output=True,
+        text=True,
+        timeout=LONGEST,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == [0] * len(found) + [2]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_statements_made_again_are_the_same_and_have_no_name(
+    store: ClassStore, version: str
+) -> None:
+    found = every_kind(store, version)
+    book = ClassCourse(store)
+    runs = [mastering(store, number) for number in range(2)]
+    again = [each for run in runs for each in class_statements(store, book, run)]
+    assert again == found[: len(again)]
+    assert len({each.id for each in found}) == len(found)
+    person = store.people()[0]
+    for each in found:
+        plain = json.loads(each.content)
+        assert plain["version"] == version
+        for secret in ("Ann", "Smith", person.id, "Surgery"):
+            assert secret not in each.content.decode()
+    assert json.loads(found[0].content)["actor"]["account"]["name"] == pseudonym(
+        store.id, person.id
+    )
+    assert class_statements(store, book, record(person.id)) == []  # practice on his own
+
+
+def test_nothing_is_made_or_sent_until_a_teacher_names_a_store(store: ClassStore) -> None:
+    run = mastering(store, 0)
+    assert class_statements(store, ClassCourse(store), run) == []
+    assert voided_by(store) is None
+    store.save(run)
+    assert store.statement_counts() == (0, 0, 0, "")
+
+
+def test_what_is_kept_is_sent_and_who_is_deleted_is_voided(
+    store: ClassStore, records: RecordStore, config: Path
+) -> None:
+    store.course = default_course()
+    book = ClassCourse(store)
+    for number in range(2):
+        store.save(mastering(store, number))
+    connect(store, book, records.url, "1.0.3", KEY, SECRET)
+    (key,) = config.rglob("*.json")
+    assert key.stat().st_mode & 0o777 == 0o600
+    assert SECRET.encode() not in store.path.read_bytes()
+    sender = Sender(store, first_wait=0.01)
+    try:
+        until(lambda: store.statement_counts()[:2] == (0, 5))
+        kept = records.kept()
+        assert sum(each["verb"]["id"].endswith("mastered") for each in kept.values()) == 1  # type: ignore[index]
+        (person,) = store.people()
+        store.delete_person(person.id, voided_by(store))
+        sender.wake()
+        until(lambda: len(records.kept()) == 10)
+        assert store.statement_counts()[:2] == (0, 5)
+        disconnect(store)
+        assert not list(config.rglob("*.json"))
+    finally:
+        sender.stop()
+
+
+def test_what_a_store_refuses_is_kept_with_its_reason_and_the_rest_is_sent(
+    store: ClassStore, records: RecordStore
+) -> None:
+    book = ClassCourse(store)
+    connect(store, book, records.url, "2.0.0", KEY, SECRET)
+    run = replace(mastering(store, 0), level=None)
+    statements = class_statements(store, book, run)
+    store.save(run, [Statement("bad", run.person_id, b'{"id": "bad"}'), *statements])
+    # Another statement under an id that the store has already.
+    records.keep([json.loads(statements[0].content) | {"other": 1}])
+    sender = Sender(store, first_wait=0.01)
+    try:
+        until(lambda: store.statement_counts()[0] == 0)
+        assert store.statement_counts()[1:] == (2, 1, "The learning record store answers 400: no")
+    finally:
+        sender.stop()
+
+
+def test_a_store_that_does_not_let_in_is_told_and_asked_again_only_later(
+    store: ClassStore, records: RecordStore
+) -> None:
+    book = ClassCourse(store)
+    connect(store, book, records.url, "1.0.3", KEY, "wrong")
+    store.queue(every_kind(store, "1.0.3"))
+    to(store, records.url)
+    records.retry_after = "3600"
+    sender = Sender(store, first_wait=0.01)
+    try:
+        until(lambda: "answers 401" in sender.problem)
+        for _ in range(20):
+            sender.wake()
+        assert records.asked == 1
+        assert store.statement_counts()[1] == 0
+    finally:
+        sender.stop()
+
+
+def test_a_failing_store_and_kills_lose_and_double_nothing(tmp_path: Path) -> None:
+    killed(tmp_path, KILLS)
+
+
+@pytest.mark.long
+def test_a_hundred_kills_lose_and_double_nothing(tmp_path: Path) -> None:
+    killed(tmp_path, 100)
+
+
+def killed(folder: Path, kills: int) -> None:
+    """Kill a process that saves and sends, again and again, against a store that fails a fifth."""
+    path, rng = folder / "class.sqlite", random.Random(1)
+    records = RecordStore(folder / "records.sqlite", failing=0.2)
+    thread = threading.Thread(target=records.serve_forever)
+    thread.start()
+    store = ClassStore.new(path, "Surgery 3A")
+    connect(store, ClassCourse(store), records.url, "1.0.3", KEY, SECRET)
+    acknowledged: set[str] = set()
+    root = HERE.parents[1]
+    try:
+        for _ in range(kills):
+            with subprocess.Popen(
+                [sys.executable, HERE / "statement_sender.py", path], stdout=subprocess.PIPE,
+                text=True, env=os.environ | {"PYTHONPATH": f"{root}:{HERE}:{root}/tests/export"},
+            ) as process:  # fmt: skip
+                assert process.stdout is not None
+                # After some runs, at no moment in particular.
+                for _ in range(rng.randint(2, 12)):
+                    line = process.stdout.readline()
+                    acknowledged.add(line.strip())
+                process.send_signal(signal.SIGKILL)
+                acknowledged |= {line.strip() for line in process.stdout if line.endswith("\n")}
+        sender = Sender(store, first_wait=0.01)
+        until(lambda: store.statement_counts()[0] == 0)
+        sender.stop()
+        runs = {each.id for each in store.runs()}
+        assert "" not in acknowledged
+        assert acknowledged <= runs
+        kept = records.kept()
+        # The result and the error of each run, once each.
+        assert len(kept) == store.statement_counts()[1] == 2 * len(runs)
+        assert store.statement_counts()[2] == 0
+        digests = [
+            each["context"]["extensions"]  # type: ignore[index]
+            for each in kept.values()
+            if each["verb"]["id"].endswith("passed")  # type: ignore[index]
+        ]
+        assert len(digests) == len(runs)
+        print(f"{kills} kills, {len(runs)} runs, {len(kept)} statements, {records.asked} requests")
+    finally:
+        records.shutdown()
+        records.server_close()
+        thread.join()
+        store.close()
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait for a condition."""
+    waited = threading.Event()
+    for _ in range(int(LONGEST / 0.02)):
+        if condition():
+            return
+        waited.wait(0.02)
+    pytest.fail("it never came")
+
+
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("http://lrs.example.org/xapi", "must begin with https"),
+        ("ftp://127.0.0.1/x", "must begin with https"),
+        ("lrs.example.org", "is no address"),
+        ("https://u:p@lrs.example.org/", "is no address"),
+        ("https://lrs.example.org/?a=1", "is no address"),
+        ("https://lrs.example.org:x/", "is no address"),
+    ],
+)
+def test_a_wrong_address_is_refused(url: str, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        checked_url(url)
+    assert checked_url("http://localhost:8080/xapi/") == "http://localhost:8080/xapi"
+
+
+def test_the_command_says_what_is_sent(tmp_path: Path, store: ClassStore) -> None:
+    assert "sends nothing" in run("class", "xapi", store.path).stdout
+    assert "must begin with https" in refused(["class", "xapi", store.path, "http://a.example/"])
+    assert "version must be one of" in refused(
+        ["class", "xapi", store.path, "https://a.example/", "--version", "0.9"]
+    )
+    assert voiding("c", "1.0.3", "x").id == voiding("c", "1.0.3", "x").id
