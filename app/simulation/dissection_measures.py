@@ -111,7 +111,12 @@ class DissectionMeasureTaker:
         self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         self._torn = duct.torn
         self._measure_freed()
-        self._finder = ErrorFinder(duct, {} if self.exercise is None else self.exercise.limit_of)
+        exercise = self.exercise
+        self._finder = (
+            ErrorFinder(duct, {})
+            if exercise is None
+            else ErrorFinder(duct, exercise.limit_of, exercise.about)
+        )
 
     def _measure_freed(self) -> None:
         self.freed = self.duct.freed

@@ -6,7 +6,7 @@ taken over several ticks, from end to end: over one a hand's tremor is most of t
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,6 +37,8 @@ MEAN_PULL = 0.1
 """Part by which the mean pull nears that of a tick: a mean over 0.3 s."""
 TURN_MM = 2.0
 """mm by which a tip that goes back turns, and within which two holds are at one place."""
+LEAST_FLOW, SERIOUS_ML = 1e-3, 2.0
+"""mm^3/s below which nothing flows; ml of blood beyond which a bleeding is an injury, a choice."""
 SAME = 1e-6
 """mm. Ends of stretches differ from a clamp or a divided end by rounding only."""
 
@@ -93,18 +95,30 @@ class ErrorFinder:
         At the start of the run.
     limits
         The exercise's, if there is one, by the key of a metric or of a class of errors.
+    about
+        Names of the tubes that the exercise is about; None where any may be handled.
     """
 
     def __init__(
         self,
         duct: "SpatialTissue",
         limits: Mapping[str, float],
+        about: Sequence[str] | None = None,
     ) -> None:
         ratio = limits.get("peak_stress_ratio")
         hidden = limits.get("strands_broken_out_of_sight")
         self._duct = duct
         self.radius = duct.radius
-        bed = duct.bed or bed_named("normal")  # a free duct has no strands to judge
+        # A free duct has no strands to judge. Those of an anatomy's layers are taken for as tough
+        # as loose tissue about a duct.
+        bed = duct.bed or bed_named("normal")
+        tubes = duct.tubes.names
+        anatomy = duct.specimen.anatomy
+        kinds = [] if anatomy is None else [each.kind for each in anatomy.tube]
+        self._vessels = [tube for tube, kind in enumerate(kinds) if kind in ("artery", "vein")]
+        self._wrong = [about is not None and name not in about for name in tubes]
+        self._bleeding_since: dict[str, int] = {}
+        self._events = len(duct.events)
         self.incidents = Incidents(
             Conditions(bed.yield_mm, bed.part_mm, self.radius, ratio, hidden),
             limits,
@@ -116,7 +130,7 @@ class ErrorFinder:
         self._set_rods()
         self._counts = np.zeros((HANDS + 1, 3), dtype=np.int64)
         self._pace = Pace(self.incidents)
-        self._torn = duct.torn is not None
+        self._torn = False  # whether a tube tore in this tick
 
     def take(self, stretches: list[Span], out_of_sight: int) -> None:
         """Take a tick with the stretches that are free, mm; so many strands parted unseen in it."""
@@ -154,10 +168,80 @@ class ErrorFinder:
         limit = incidents.limits["unseen"]["strands"]
         if out_of_sight >= limit:
             incidents.note("unseen", None, duct.station, out_of_sight, out_of_sight)
-        if duct.torn is not None and not self._torn:
-            self._torn = True
-            incidents.note("tear", None, duct.torn.station, x=duct.torn.station)
+        if duct.specimen.anatomy is not None:
+            self._judge_tubes(forces, parted)
+        self._take_events()
         incidents.end_tick(self._consequence(share, out_of_sight))
+
+    def _take_events(self) -> None:
+        """Note what tore in this tick."""
+        duct, self._torn = self._duct, False
+        for event in duct.events[self._events :]:
+            if event.kind == "tear":
+                self._torn = True
+                tube = duct.tubes.names.index(event.tube)
+                self.incidents.note(
+                    "tear", event.hand, event.station, tube=tube, x=event.station, name=event.tube
+                )
+        self._events = len(duct.events)
+
+    def _judge_tubes(self, forces: list[list[float]], parted: int) -> None:
+        """Judge what is done to an anatomy's tubes: which are pulled, and what bleeds."""
+        duct, incidents = self._duct, self.incidents
+        names = duct.tubes.names
+        pulls = [math.hypot(*force) for force in forces]
+        hardest = pulls.index(max(pulls)) if max(pulls) > 0.0 else None
+        for i, hand in enumerate(duct.hands):
+            pulls_hard = pulls[i] > incidents.limits["wrong_structure"]["pull"]
+            if hand.node is not None and self._wrong[hand.tube] and pulls_hard:
+                incidents.note(
+                    "wrong_structure", i, duct.held_at(i), pulls[i], tube=hand.tube,
+                    f=pulls[i], name=names[hand.tube],
+                )  # fmt: skip
+        most = incidents.limits["tension_on_vessel"]["most"]
+        for tube in self._vessels:
+            ratio = duct.stress_ratios[tube]
+            if ratio > most and duct.tears[tube] is None:
+                incidents.note(
+                    "tension_on_vessel", hardest, None, ratio, tube=tube,
+                    p=100.0 * min(ratio, 1.0), name=names[tube],
+                )  # fmt: skip
+        self._judge_bleeding(parted)
+
+    def _judge_bleeding(self, parted: int) -> None:
+        duct, incidents = self._duct, self.incidents
+        blood = duct.fluids.get("blood")
+        if blood is None or not blood.holes:
+            return
+        limits = incidents.limits["unattended_bleeding"]
+        rates: dict[str, float] = {}
+        for hole in blood.holes:
+            rates[hole.tube] = rates.get(hole.tube, 0.0) + hole.flow
+        for name, rate in rates.items():
+            if rate <= LEAST_FLOW:
+                self._bleeding_since.pop(name, None)
+                continue
+            since = self._bleeding_since.setdefault(name, incidents.tick)
+            seconds = (incidents.tick - since) * TICK_SECONDS
+            tube = duct.tubes.names.index(name)
+            hole = next(each for each in blood.holes if each.tube == name)
+            lost = 1e-3 * sum(each.lost for each in blood.holes if each.tube == name)
+            harm: Consequence = "injury" if lost > SERIOUS_ML else "minor"
+            by = [each.hand for each in duct.events if each.tube == name]
+            incidents.note(
+                "bleeding", by[0] if by else None, hole.station, lost, tube=tube,
+                consequence=harm, ml=lost, s=seconds, name=name,
+            )  # fmt: skip
+            if not parted or seconds <= limits["seconds"]:
+                continue
+            place = duct.beam.places[hole.node].tolist()
+            for i, hand in enumerate(duct.hands):
+                away = math.dist(hand.place.tolist(), place)
+                if away > limits["away"] and (hand.node is not None or self._rods[i, 0] >= 0):
+                    incidents.note(
+                        "unattended_bleeding", i, hole.station, seconds, tube=tube,
+                        consequence=harm, d=away, s=seconds, ml=lost, name=name,
+                    )  # fmt: skip
 
     def _consequence(self, share: float, out_of_sight: int) -> Consequence:
         if self._torn:
@@ -304,14 +388,11 @@ class ErrorFinder:
             incidents.note("traction_lost", i, at, -size, most=watch.most, f=size)
         if size <= limits["ahead_of_front"]["pull"]:
             return
-        if self._rods[1 - i, 0] < 0:
+        # What holds an anatomy's tubes has no one front.
+        if self._rods[1 - i, 0] < 0 and self._duct.specimen.anatomy is None:
             self._judge_place(i, watch)
-        lean = limits["leaning"]
-        angle = math.degrees(math.atan2(abs(pull[1]), pull[2]))
-        leans = angle > lean["angle"] and math.hypot(*pull) > lean["pull"]
-        watch.leaning = watch.leaning + 1 if leans else 0
-        if watch.leaning * TICK_SECONDS > lean["seconds"]:
-            incidents.note("leaning", i, at, angle, a=angle)
+        if self._duct.specimen.anatomy is None:
+            self._judge_lean(i, at)
         most = limits["over_lifted"]["most"]
         if share > most:
             incidents.note(
@@ -319,6 +400,16 @@ class ErrorFinder:
                 p=100.0 * share, m=watch.places[-1][2], most=100.0 * most,
             )  # fmt: skip
         self._pace.judge(i, at, watch.speed(PULL_TICKS), parted=parted > 0)
+
+    def _judge_lean(self, i: int, at: float) -> None:
+        """Judge whether a duct is pulled straight off its bed."""
+        incidents, watch = self.incidents, self._watches[i]
+        lean, pull = incidents.limits["leaning"], watch.pull
+        angle = math.degrees(math.atan2(abs(pull[1]), pull[2]))
+        leans = angle > lean["angle"] and math.hypot(*pull) > lean["pull"]
+        watch.leaning = watch.leaning + 1 if leans else 0
+        if watch.leaning * TICK_SECONDS > lean["seconds"]:
+            incidents.note("leaning", i, at, angle, a=angle)
 
     def _judge_place(self, i: int, watch: _Watch) -> None:
         """Judge where a hold was taken, once it pulls, and how far the front has run from it."""

@@ -90,6 +90,7 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     limits: tuple[Limit, ...] = ()  # in the order in which they are looked at
     opening: Opening | None = None
     instruments: tuple[Instrument, ...] = INSTRUMENTS
+    about: tuple[str, ...] | None = None  # names of the tubes that it is about; None: any
     time_limit_s: float = 60.0
 
     def __post_init__(self) -> None:

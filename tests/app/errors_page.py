@@ -38,7 +38,10 @@ are the external error modes of OCHRA.
 
 The consequence is measured, up to 1 s after the incident: *near miss*, the stress passed the
 exercise's limit or the break was nearer than a reaction time; *minor*, strands parted out of
-sight; *injury*, the duct tore.
+sight; *injury*, a tube tore. A bleeding is *minor* up to 2 ml of blood and an *injury* beyond.
+
+In an anatomy of several tubes an incident names its tube; errors of a front and of leaning are of
+a duct in one bed only.
 
 An exercise, of a free duct too, names the classes that fail it, with the most incidents that do
 not; a teacher's exercise file may change them (`[errors]`, [class](class.md)). Where a limit fails
@@ -65,10 +68,9 @@ of the class that is meant, and none passes. Of 240 runs of good hands in beds 4
 0 incidents where they are steady, 3 with a tremor of 0.15 mm and 40 with 0.3 mm.
 
 The same author wrote the faults and their finder, and every hand here is a script: whether
-raters see the same errors in people's runs has not been measured. Errors of several tubes (a
-wrong structure, tension on a vessel, bleeding, clips, dividing too early), of a grasper that
-slips and of instruments outside a laparoscope's picture are not found: this duct is alone, a
-hold does not slip, and the whole bed is in view.
+raters see the same errors in people's runs has not been measured. Errors of several tubes are
+tried by a few scripts only. Errors of clips, of dividing too early, of a grasper that slips and of
+instruments outside a laparoscope's picture are not found yet.
 
 ## Sources
 

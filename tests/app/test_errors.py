@@ -6,12 +6,24 @@ import re
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from errors_page import page
 from faults import FAULTS, Fault, done, exercises, good
 from program import run
 
-from app.simulation import ERROR_CLASSES, MODES
+from app.anatomy import anatomy_named
+from app.simulation import (
+    ERROR_CLASSES,
+    FEW,
+    MODES,
+    Exercise,
+    FreeLength,
+    Limit,
+    Session,
+    Specimen,
+)
+from app.simulation.attempt import Attempt
 from app.simulation.errors import CLOSED_AFTER, Conditions, Incidents
 
 BEDS = ("normal", "loose", "firm", "inflamed")
@@ -81,7 +93,7 @@ def test_an_incident_is_one_opening_and_one_closing() -> None:
 def test_the_cause_is_the_first_of_the_table_in_the_last_second() -> None:
     incidents = Incidents(TISSUE, {})
     incidents.tick = 60
-    incidents.note("tear", None, 3.0, x=3.0)
+    incidents.note("tear", None, 3.0, x=3.0, name="duct")
     assert incidents.cause() is None, "a tear is not its own cause"
     incidents.note("over_lifted", 0, 12.0, p=60.0, m=4.0, most=50.0)
     incidents.note("ahead_of_front", 0, 12.0, x=12.0, d=9.0, front=21.0)
@@ -136,3 +148,61 @@ def test_a_run_recorded_before_there_were_errors_has_them_when_it_is_replayed() 
     for each in plain["incidents"]:
         assert each["sentence"] in " ".join(lines.split())
         assert each["title"] == ERROR_CLASSES[each["error"]].title
+
+
+def lift_until(session: Session, hand: int, error: str, step: tuple[float, float, float]) -> None:
+    """Lead a hand by steps of a tick until there is an incident of a class."""
+    for _ in range(900):
+        session.move_hand(hand, session.spatial.hands[hand].target + np.array(step))
+        session.advance()
+        if error in {each.error for each in session.run.incidents()}:
+            return
+    raise AssertionError(f"no {error}")
+
+
+def test_errors_at_several_tubes_name_the_tube_and_what_it_lost() -> None:
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    names = session.spatial.tubes.names
+    artery = names.index("artery")
+    assert session.grab(0, 10.0, artery) is not None
+    lift_until(session, 0, "bleeding", (0.0, 0.0, 0.3))
+    assert session.grab(1, 30.0, names.index("gallbladder")) is not None
+    lift_until(session, 1, "unattended_bleeding", (0.0, 0.02, 0.05))
+    found = {each.error: each for each in session.run.incidents()}
+    (tear,) = [event for event in session.spatial.events if event.kind == "tear"]
+    assert (found["tear"].tube, found["tear"].station_mm) == (artery, tear.station)
+    assert f"the artery tore at {tear.station:.0f} mm" in found["tear"].sentence
+    tension, bleeding = found["tension_on_vessel"], found["bleeding"]
+    assert tension.tube == bleeding.tube == artery
+    assert tension.start_s < found["tear"].start_s <= bleeding.start_s
+    assert 50.0 < float(tension.values["p"]) <= 100.0
+    lost = 1e-3 * session.spatial.fluids["blood"].lost
+    assert bleeding.values["ml"] == pytest.approx(lost)
+    assert bleeding.consequence == ("injury" if lost > 2.0 else "minor")
+    went_on = found["unattended_bleeding"]
+    assert went_on.hand == 1
+    assert went_on.start_s - bleeding.start_s > 5.0
+    assert "ahead_of_front" not in found
+    assert "leaning" not in found
+
+
+def test_a_structure_that_an_exercise_is_not_about_is_a_wrong_one() -> None:
+    specimen = Specimen.of_anatomy(anatomy_named("normal"))
+    limits = (Limit("wrong_structure", 0),)
+    ends: list[str] = []
+    for tube in ("cystic", "common"):
+        session = Session(specimen, vertices=FEW)
+        tissue = session.spatial
+        exercise = Exercise("own", "Own", FreeLength(40.0, 0.0, 58.0), limits=limits,
+                            about=("cystic", "gallbladder"))  # fmt: skip
+        taker = tissue.taker(exercise)
+        taker.start()
+        attempt = Attempt(exercise, taker)
+        assert tissue.grab(0, 10.0, tissue.tubes.names.index(tube)) is not None
+        for _ in range(20):
+            tissue.move_hand(0, tissue.hands[0].target + np.array([0.0, 0.0, 0.15]))
+            taker.take(moved=tissue.advance())
+            attempt.take()
+        ends.append("" if attempt.outcome is None else attempt.outcome.reason)
+    assert ends[0] == ""
+    assert "you pulled on the common with" in ends[1]

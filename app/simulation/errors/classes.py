@@ -21,6 +21,7 @@ MODES: dict[int, str] = {
     3: "step repeated or carried on",
     7: "too much speed, force or distance",
     9: "wrong direction or place",
+    10: "wrong object",
 }
 """External error modes of OCHRA (Tang et al. 2004) that the classes here are of."""
 
@@ -103,6 +104,26 @@ REACTION = Parameter("seconds", "s", REACTION_SECONDS, "a visual reaction time, 
 ERROR_CLASSES: Mapping[str, ErrorClass] = {
     each.key: each
     for each in (
+        ErrorClass(
+            "wrong_structure", "Handled a wrong structure", 10,
+            "a hold pulls with more than `pull` on a tube that the exercise is not about",
+            "at {t:.1f} s you pulled on the {name} with {f:.1f} N, which is not to be touched here",
+            "Follow a structure both ways before you take hold of it.",
+            (LEAST_PULL,),
+            if_named=True,
+        ),
+        ErrorClass(
+            "unattended_bleeding", "Went on while a vessel bled", 2,
+            "a vessel has bled for more than `seconds`, and strands part meanwhile on a hand that "
+            "is farther than `away` from it",
+            "at {t:.1f} s the {name} had bled for {s:.0f} s, {ml:.1f} ml, while you went on "
+            "{d:.0f} mm away",
+            "Stop, press on it first, look, and then close it.",
+            (
+                Parameter("seconds", "s", 5.0, "a choice: as long as it takes to see it and stop"),
+                Parameter("away", "mm", 10.0, "a choice: nearer, the hand may be at the vessel"),
+            ),
+        ),
         ErrorClass(
             "ahead_of_front", "Held ahead of the front", 9,
             "a hold that pulls with more than `pull` was taken farther than `near` beyond the "
@@ -290,6 +311,13 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             ),
         ),
         ErrorClass(
+            "tension_on_vessel", "Pulled on a vessel", 7,
+            "the stress ratio of an artery or a vein is above `most`",
+            "at {t:.1f} s the {name} was at {p:.0f} % of its break",
+            "Ease the traction, and free it before you lift more.",
+            (Parameter("most", "", 0.5, "half of the break"),),
+        ),
+        ErrorClass(
             "instrument_on_wall", "Pressed on the duct itself", 7,
             "a jaw or a swab presses on the duct with more than `force`, as a mean of 0.13 s",
             "at {t:.1f} s the {tool} pressed on the duct with {f:.1f} N",
@@ -311,9 +339,15 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             ),
         ),
         ErrorClass(
-            "tear", "The duct tore", 7,
-            "the stress in the wall has reached its threshold",
-            "at {t:.1f} s the duct tore at {x:.0f} mm",
+            "bleeding", "A vessel bled", 7,
+            "blood flows out of a tube",
+            "at {t:.1f} s the {name} began to bleed and lost {ml:.1f} ml in {s:.0f} s",
+            "Press on it first, then look, and then close it.",
+        ),
+        ErrorClass(
+            "tear", "A tube tore", 7,
+            "the stress in the wall of a duct or of another tube has reached its threshold",
+            "at {t:.1f} s the {name} tore at {x:.0f} mm",
             "Stay below the break: watch the distance to it.",
         ),
     )

@@ -13,7 +13,8 @@ __all__ = ["Consequence", "Incident", "Incidents", "Values"]
 
 Consequence = Literal["none", "near miss", "minor", "injury"]
 """Measured, up to 1 s after an incident. Near miss: the stress passed the exercise's limit, or the
-break was nearer than a reaction time; minor: strands parted out of sight; injury: the duct tore."""
+break was nearer than a reaction time; minor: strands parted out of sight; injury: a tube tore. A
+bleeding is minor up to 2 ml of blood, and an injury beyond."""
 CONSEQUENCES: tuple[Consequence, ...] = ("none", "near miss", "minor", "injury")
 Values = dict[str, float | str]
 
@@ -53,10 +54,14 @@ class Incident(msgspec.Struct, frozen=True):
 class _Open:
     """An incident that may go on."""
 
-    __slots__ = ("consequence", "end", "error", "hand", "start", "station", "values", "worst")
+    __slots__ = (
+        "consequence", "end", "error", "hand", "start", "station", "tube", "values", "worst",
+    )  # fmt: skip
 
-    def __init__(self, error: str, tick: int, hand: int | None, station: float | None) -> None:
-        self.error, self.hand, self.station = error, hand, station
+    def __init__(
+        self, error: str, tick: int, hand: int | None, station: float | None, tube: int
+    ) -> None:
+        self.error, self.hand, self.station, self.tube = error, hand, station, tube
         self.start = self.end = tick
         self.worst = -math.inf
         self.values: Values = {}
@@ -86,7 +91,7 @@ class Incidents:
         self.number: dict[str, int] = {}
         self.tick = 0
         self._all: list[_Open] = []
-        self._open: dict[tuple[str, int | None], _Open] = {}
+        self._open: dict[tuple[str, int | None, int], _Open] = {}
         self._followed: list[_Open] = []
 
     def note(
@@ -96,6 +101,8 @@ class Incidents:
         station: float | None,
         severity: float = 0.0,
         parted: int | None = None,
+        tube: int = 0,
+        consequence: Consequence = "none",
         **values: float | str,
     ) -> None:
         """Note that a class's condition holds in this tick; the severest tick's values are kept.
@@ -104,15 +111,16 @@ class Incidents:
         """
         if error not in self.watched:
             return
-        found = self._open.get((error, hand))
+        found = self._open.get((error, hand, tube))
         if found is None or self.tick - found.end > CLOSED_TICKS:
-            found = self._open[error, hand] = _Open(error, self.tick, hand, station)
+            found = self._open[error, hand, tube] = _Open(error, self.tick, hand, station, tube)
             self._all.append(found)
             self._followed.append(found)
             self.number[error] = self.number.get(error, 0) + 1
         elif self.tick - found.end > FOLLOWED_TICKS:
             self._followed.append(found)
         found.end = self.tick
+        found.consequence = max(found.consequence, CONSEQUENCES.index(consequence))
         total = found.values.get("n", 0.0)
         if severity >= found.worst:
             found.worst, found.station = severity, station
@@ -152,7 +160,7 @@ class Incidents:
             start_s=found.start * TICK_SECONDS,
             end_s=found.end * TICK_SECONDS,
             hand=found.hand,
-            tube=0,
+            tube=found.tube,
             station_mm=found.station,
             consequence=CONSEQUENCES[found.consequence],
             values=dict(found.values),
