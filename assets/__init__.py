@@ -10,6 +10,7 @@ __all__ = [
     "EXPERIMENTS",
     "FREQUENCIES",
     "PRESETS",
+    "SCRIPTS",
     "TUBE_KINDS",
     "VALIDATION",
 ]
@@ -34,6 +35,9 @@ ANATOMIES: Path = Path(__file__).parent / "anatomies"
 
 EXPERIMENTS: Path = Path(__file__).parent / "experiments"
 """Folder of published experiments that are predicted, each in a TOML file."""
+
+SCRIPTS: Path = Path(__file__).parent / "scripts"
+"""Folder of scripted hands at anatomies, each in a TOML file."""
 
 FREQUENCIES: Path = Path(__file__).parent / "frequencies.toml"
 """How often the hepatocystic triangle is built how, each figure with its source."""

@@ -15,6 +15,7 @@ from app.command_line import (
     haptics,
     info,
     peel,
+    perform,
     replay,
     solve,
     study,
@@ -64,6 +65,7 @@ program.command("replay")(replay.replay)
 program.command("haptics")(haptics.haptics)
 program.command("solve")(solve.solve)
 program.command("peel")(peel.peel)
+program.command("perform")(perform.perform)
 program.command("validate")(validate.validate)
 program.command("fit")(fit.fit)
 program.add_typer(study.study, name="study")

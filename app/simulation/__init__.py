@@ -26,11 +26,19 @@ from app.simulation.exercise_table import EXERCISES
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import HAND_SPEED, Grasper, Load
 from app.simulation.hand import Hand
-from app.simulation.inputs import HOLDING, INSTRUMENTS, Input, Instrument, TheoryChoice
+from app.simulation.inputs import (
+    ALL_INSTRUMENTS,
+    HOLDING,
+    INSTRUMENTS,
+    Input,
+    Instrument,
+    TheoryChoice,
+)
 from app.simulation.metrics import DISTANCE_TO_BREAK, METRIC_OF, METRICS, Metric, Metrics
 from app.simulation.older_exercises import renamed_exercise, renamed_goal, renamed_numbers
 from app.simulation.older_runs import read_run, renamed_metrics
 from app.simulation.peel_scene import PeelScene, read_scene
+from app.simulation.performance import Performance, Script, Step, performed, read_script
 from app.simulation.planar_tissue import PlanarTissue
 from app.simulation.preset import (
     ASSUMED_PRESET,
@@ -59,6 +67,7 @@ from app.simulation.run_file import (
     RunLog,
     run_json,
 )
+from app.simulation.safety import CriticalView, Safety, Tenting
 from app.simulation.scripted_hands import CAREFUL, MANNERS, perform
 from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
 from app.simulation.spatial_tissue import (
@@ -79,6 +88,7 @@ from app.simulation.tubes import Tubes
 
 __all__ = [
     "AFTER_TEAR",
+    "ALL_INSTRUMENTS",
     "ASSUMED_PRESET",
     "CAREFUL",
     "DISTANCE_TO_BREAK",
@@ -112,6 +122,7 @@ __all__ = [
     "BeddedSurface",
     "Clock",
     "Conditions",
+    "CriticalView",
     "Dissection",
     "ErrorClass",
     "Event",
@@ -138,6 +149,7 @@ __all__ = [
     "OrganIdentity",
     "Outcome",
     "PeelScene",
+    "Performance",
     "Phase",
     "PlanarTissue",
     "Preset",
@@ -149,15 +161,19 @@ __all__ = [
     "RunFile",
     "RunFileError",
     "RunLog",
+    "Safety",
+    "Script",
     "Series",
     "Session",
     "SpatialTissue",
     "Specimen",
     "Spread",
     "Stay",
+    "Step",
     "Stresses",
     "SurfaceStress",
     "SwingingChain",
+    "Tenting",
     "TheoryChoice",
     "Tissue",
     "Touch",
@@ -173,12 +189,14 @@ __all__ = [
     "loading_rates",
     "organ_beam",
     "perform",
+    "performed",
     "preset_named",
     "preset_toml",
     "presets",
     "read_preset",
     "read_run",
     "read_scene",
+    "read_script",
     "renamed_exercise",
     "renamed_goal",
     "renamed_metrics",

@@ -56,11 +56,13 @@ class Hand:
 
     __slots__ = (
         "_speed",
+        "aim",
         "holds",
         "instrument",
         "node",
         "opening",
         "place",
+        "spread",
         "target",
         "target_opening",
         "tube",
@@ -72,6 +74,7 @@ class Hand:
         self.target = self.place.copy()  # (3,) where the tip goes, mm
         self._speed = np.zeros(3)  # mm/s
         self.opening = self.target_opening = 0.0  # between the axes of a dissector's jaws, mm
+        self.aim = self.spread = (0.0, 0.0, 0.0)  # from the tip back along the shaft; of jaws
         self.node: int | None = None  # the beam's node that it holds
         self.tube = 0  # number of the tube that it holds or last held
         self.holds = 0  # how often it has taken hold

@@ -10,10 +10,13 @@ from physics import Cubic, Exact, Exponential, Theory, theory_named
 from physics.theory import LawName
 
 __all__ = [
+    "ALL_INSTRUMENTS",
     "HOLDING",
     "INSTRUMENTS",
     "MOST_INPUTS",
     "MOST_TICKS",
+    "VECTORS",
+    "WITHOUT_VALUE",
     "Input",
     "InputKind",
     "InputLog",
@@ -26,18 +29,29 @@ MOST_TICKS = 2 * 60 * 60 * round(1.0 / TICK_SECONDS)
 """Two hours of ticks, far beyond any training on one duct."""
 MOST_INPUTS = 200_000
 
-Instrument = Literal["hook", "grasper", "dissector", "swab"]
+Instrument = Literal[
+    "hook", "grasper", "dissector", "swab", "right angle", "clip applier", "scissors", "suction"
+]
 """A hook and a grasper hold the duct; a grasper stays where it is left. A dissector's two jaws and
-a swab part strands without holding it."""
-INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
+a swab part strands without holding it, a right angle's thin jaws those behind a tube. Clips close a
+tube, scissors divide it, suction takes up what has been lost."""
+ALL_INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
+INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper", "dissector", "swab")
+"""Those for a duct in which nothing flows."""
 HOLDING: tuple[Instrument, ...] = ("hook", "grasper")
 
 InputKind = Literal[
-    "instrument", "grab", "move", "open", "release", "lift", "force", "grasp", "threshold", "theory"
-]
+    "instrument", "grab", "move", "open", "release", "lift", "force", "grasp", "threshold",
+    "theory", "aim", "spread", "clip", "divide", "suck",
+]  # fmt: skip
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
-REPLACED: frozenset[InputKind] = frozenset({"move", "open", "lift", "threshold"})
+REPLACED: frozenset[InputKind] = frozenset(
+    {"move", "open", "lift", "threshold", "aim", "spread", "suck"}
+)
 """Of these only the last between two ticks has an effect: it replaces the one before."""
+WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide"})
+VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread"})
+"""Kinds whose value is nothing, and three numbers."""
 NUMBERS = 3  # at most, of one input
 
 
@@ -82,7 +96,9 @@ class Input(msgspec.Struct, frozen=True, array_like=True):
     "instrument": its name; "grab": the number of the tube and the station on it, mm;
     "move": (3,) mm of the tip in the duct's frame; "open": mm between the jaws; "release": None;
     "lift": deflection of the place that is held, mm; "force": N along the pull;
-    "grasp": station at which force or deflection act, mm; "threshold": MPa; "theory": a choice.
+    "grasp": station at which force or deflection act, mm; "threshold": MPa; "theory": a choice;
+    "aim": (3,) direction from the tip back along the shaft; "spread": (3,) direction in which jaws
+    part; "clip", "divide": None; "suck": ml/s.
     """
 
     tick: int  # number of ticks done before it
@@ -122,13 +138,13 @@ class InputLog:
         kind = KINDS[number]
         x, y, z = self._values[NUMBERS * i : NUMBERS * (i + 1)]
         value: Value = x
-        if kind == "release":
+        if kind in WITHOUT_VALUE:
             value = None
         elif kind == "instrument":
-            value = INSTRUMENTS[int(x)]
+            value = ALL_INSTRUMENTS[int(x)]
         elif kind == "grab":
             value = (int(x), y)
-        elif kind == "move":
+        elif kind in VECTORS:
             value = (x, y, z)
         elif kind == "theory":
             value = TheoryChoice.of(self._theories[int(x)])

@@ -14,7 +14,7 @@ from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import Grasper, Load
-from app.simulation.inputs import InputKind, TheoryChoice
+from app.simulation.inputs import InputKind, Instrument, TheoryChoice
 from app.simulation.measures import MeasureTaker
 from app.simulation.reading import Reading, Vector
 from app.simulation.run_file import RunStart
@@ -76,6 +76,11 @@ class PlanarTissue:
     def torn(self) -> RuptureCheck | None:
         """Where and under what the wall has torn, or None."""
         return None if self.tear is None else self.tear.event.check
+
+    @property
+    def instruments(self) -> tuple[Instrument, ...]:
+        """What its hand has."""
+        return ("hook",)
 
     @property
     def over(self) -> bool:

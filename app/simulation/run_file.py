@@ -13,9 +13,11 @@ from app.simulation.bed_preset import BedPreset
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback, Outcome
 from app.simulation.inputs import (
-    INSTRUMENTS,
+    ALL_INSTRUMENTS,
     MOST_INPUTS,
     MOST_TICKS,
+    VECTORS,
+    WITHOUT_VALUE,
     Input,
     TheoryChoice,
     Value,
@@ -254,18 +256,18 @@ def _check_start(start: RunStart) -> None:
 
 def _check_value(each: Input, where: str) -> None:
     value = each.value
-    if each.kind == "release":
+    if each.kind in WITHOUT_VALUE:
         if value is not None:
             raise RunFileError(f"{where} must have no value, got {value!r}")
     elif each.kind == "instrument":
-        if value not in INSTRUMENTS:
-            known = ", ".join(INSTRUMENTS)
+        if value not in ALL_INSTRUMENTS:
+            known = ", ".join(ALL_INSTRUMENTS)
             raise RunFileError(f"{where} must name one of {known}, got {value!r}")
     elif each.kind == "theory":
         if not isinstance(value, TheoryChoice):
             raise RunFileError(f"{where} must name a theory, got {value!r}")
         _known(value, where)
-    elif each.kind == "move":
+    elif each.kind in VECTORS:
         if not _finite(value, 3):
             raise RunFileError(f"{where} must have three numbers, got {value!r}")
     elif each.kind == "grab":

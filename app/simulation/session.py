@@ -27,7 +27,7 @@ from app.simulation.dissection import default_preset, fits
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
-from app.simulation.inputs import INSTRUMENTS, Input, InputKind, Instrument, TheoryChoice
+from app.simulation.inputs import ALL_INSTRUMENTS, Input, InputKind, Instrument, TheoryChoice
 from app.simulation.metrics import Metrics
 from app.simulation.planar_tissue import PlanarTissue
 from app.simulation.preset import OrganBeam, Preset, preset_named, presets
@@ -140,7 +140,7 @@ class Session:
         with self._lock:
             # An exercise that waits or goes on may allow only some.
             if instrument in self.instruments:
-                self._act(hand, "instrument", INSTRUMENTS.index(instrument))
+                self._act(hand, "instrument", ALL_INSTRUMENTS.index(instrument))
 
     def grab(self, hand: int, station: float, tube: int = 0) -> Vector | None:
         """Take hold at a station, mm from a tube's first end; return the place, or None."""
@@ -168,8 +168,28 @@ class Session:
         self._act(hand, "release")
 
     def open_jaws(self, hand: int, opening: float) -> None:
-        """Open or close a dissector, mm between its jaws; no other instrument opens."""
+        """Open or close jaws, mm between them; an instrument without any does not open."""
         self._act(hand, "open", opening)
+
+    def aim(self, hand: int, shaft: Sequence[float]) -> None:
+        """Turn an instrument that holds nothing: (3,) direction from its tip back to the hand."""
+        self._act(hand, "aim", *shaft)
+
+    def spread(self, hand: int, direction: Sequence[float]) -> None:
+        """Set the (3,) direction in which jaws part."""
+        self._act(hand, "spread", *direction)
+
+    def clip(self, hand: int) -> bool:
+        """Clip the tubes between a clip applier's jaws; return whether there was one."""
+        return self._act(hand, "clip") is not None
+
+    def divide(self, hand: int) -> bool:
+        """Divide the tubes between scissors' blades; return whether there was one."""
+        return self._act(hand, "divide") is not None
+
+    def suck(self, hand: int, rate: float) -> None:
+        """Take up what has been lost, ml/s; 0 stops it."""
+        self._act(hand, "suck", rate)
 
     def set_target_force(self, force: float, hand: int = 0) -> None:
         """Pull a duct in a plane with a force, N, reached over the next ticks."""
@@ -374,7 +394,7 @@ class Session:
     def instruments(self) -> tuple[Instrument, ...]:
         """The instruments that may be taken now."""
         exercise = None if self.run.over else self.run.exercise
-        return INSTRUMENTS if exercise is None else exercise.instruments
+        return self.tissue.instruments if exercise is None else exercise.instruments
 
     @property
     def task_grasp(self) -> float:

@@ -22,7 +22,7 @@ from app.simulation.dissection_measures import DissectionMeasureTaker
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
 from app.simulation.hand import Hand
-from app.simulation.inputs import HOLDING, INSTRUMENTS, InputKind, Instrument
+from app.simulation.inputs import ALL_INSTRUMENTS, HOLDING, INSTRUMENTS, InputKind, Instrument
 from app.simulation.reading import FluidReading, Reading, Vector
 from app.simulation.run_file import (
     ELEMENTS,
@@ -45,8 +45,9 @@ __all__ = [
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
-EventKind = Literal["tear", "bleeding", "leak", "stanched"]
-"""A tear of the wall; blood or bile that begins to flow out of a tube, and that no longer does."""
+EventKind = Literal["tear", "bleeding", "leak", "stanched", "clip", "division"]
+"""A tear of the wall; blood or bile that begins to flow out of a tube, and that no longer does; a
+clip that closes a tube, and scissors that divide it."""
 
 LOSSES: dict[str, EventKind] = {"blood": "bleeding", "bile": "leak"}
 LEAST_FLOW = 1e-3
@@ -56,18 +57,33 @@ FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
 PARKED_AT = (0.5, 0.2)
 JAW_RADIUS, SWAB_RADIUS = 1.2, 3.0
 """mm. Closed jaws pass between the duct and the bed, whose gap is 3 mm; a swab does not."""
+RADIUS: dict[Instrument, float] = {
+    "dissector": JAW_RADIUS, "swab": SWAB_RADIUS, "right angle": 0.6, "clip applier": 0.8,
+    "scissors": 0.8, "suction": 1.5,
+}  # fmt: skip
+"""mm, of the rods that an instrument is."""
 MOST_OPENING = 40.0
 """mm between the axes of a dissector's jaws: more than any clamps' distance allows to use."""
-TOWARDS_HAND = {"dissector": (0.0, -1.0, 0.0), "swab": (0.0, -0.6, 0.8)}
-"""From the tip back along an instrument's shaft: jaws pass behind the duct from the side of the
-viewer, a swab comes from above."""
+FROM_ABOVE = (0.0, -0.6, 0.8)
+TOWARDS_HAND: dict[Instrument, Vector] = {
+    "dissector": (0.0, -1.0, 0.0), "swab": FROM_ABOVE, "right angle": (0.0, -1.0, 0.0),
+    "clip applier": FROM_ABOVE, "scissors": FROM_ABOVE, "suction": FROM_ABOVE,
+}  # fmt: skip
+"""From the tip back along an instrument's shaft, unless it is aimed: jaws pass behind the duct from
+the side of the viewer, a swab comes from above. Of a right angle this is its bent tip."""
+ALONG = (1.0, 0.0, 0.0)
+"""Direction in which jaws part, unless another is given."""
 # Rods of the beam that each hand's instrument is.
+JAWED: tuple[Instrument, ...] = ("dissector", "right angle", "clip applier", "scissors")
 RODS: dict[Instrument, tuple[tuple[int, ...], ...]] = {
     "hook": ((),) * HANDS,
     "grasper": ((),) * HANDS,
-    "dissector": tuple((2 * hand, 2 * hand + 1) for hand in range(HANDS)),
+    **dict.fromkeys(JAWED, tuple((2 * hand, 2 * hand + 1) for hand in range(HANDS))),
     "swab": tuple((2 * hand,) for hand in range(HANDS)),
+    "suction": tuple((2 * hand,) for hand in range(HANDS)),
 }
+MOST_SUCTION = 30.0
+"""ml/s."""
 REACH = 60.0
 """mm beyond the duct's ends and to its sides that a hand can reach."""
 GAP_MM = 3.0  # between a free duct and where an empty dissector waits below it
@@ -182,6 +198,7 @@ class SpatialTissue:
             self.beam.break_between(scale * opened[0], scale * opened[1])
         self.fluids = tubes.fluids(self.beam)
         self.events: list[Event] = []
+        self.sucked_ml, self._suction = 0.0, [0.0] * HANDS  # ml/s
         self.ticks = 0  # since all was made whole
         self.hands = tuple(
             Hand(each, self.parking(hand, each)) for hand, each in enumerate(FIRST_INSTRUMENTS)
@@ -218,9 +235,18 @@ class SpatialTissue:
         if not 0 <= hand < HANDS or not all(map(math.isfinite, values)):
             return None
         if kind == "instrument":
+            instrument = ALL_INSTRUMENTS[int(values[0])]
+            if instrument not in self.instruments:
+                return None
             begin()
-            self.choose_instrument(hand, INSTRUMENTS[int(values[0])])
+            self.choose_instrument(hand, instrument)
             return kind, values
+        if kind in ("aim", "spread"):
+            return self._turn(hand, kind, values, begin)
+        if kind in ("clip", "divide"):
+            return (kind, ()) if self._close(hand, kind) else None
+        if kind == "suck":
+            return self._suck(hand, float(values[0]))
         if kind == "grab":
             tube = int(values[0])
             if not 0 <= tube < len(self.tubes.names):
@@ -251,9 +277,103 @@ class SpatialTissue:
                 return "threshold", (wanted,)
         return None
 
+    @property
+    def instruments(self) -> tuple[Instrument, ...]:
+        """What its hands may have: to clip and divide only where something flows."""
+        return ALL_INSTRUMENTS if self.fluids else INSTRUMENTS
+
+    def _turn(
+        self, hand: int, kind: InputKind, values: tuple[float, ...], begin: Callable[[], bool]
+    ) -> Applied | None:
+        """Turn an instrument's shaft, or the direction in which its jaws part."""
+        holder = self.hands[hand]
+        if holder.instrument not in RADIUS or not any(values):
+            return None
+        if begin():  # which makes hands anew
+            holder = self.hands[hand]
+        aim, spread = np.array(holder.aim), np.array(holder.spread)
+        if kind == "aim":
+            aim = np.array(values)
+            aim = aim / np.sqrt((aim**2).sum())
+        else:
+            spread = np.array(values)
+        across = spread - (spread * aim).sum() * aim
+        size = math.sqrt((across**2).sum())
+        if size < 1e-3:  # as good as along the shaft: any direction across it
+            across = np.cross(aim, [1.0, 0.0, 0.0] if abs(aim[0]) < 0.9 else [0.0, 1.0, 0.0])
+            size = math.sqrt((across**2).sum())
+        holder.aim, holder.spread = _vector(aim.tolist()), _vector((across / size).tolist())
+        self._still = False
+        self._forget_reading()
+        for rod in self.touch(hand).rods:
+            self.beam.set_rod(*rod)
+        return kind, values
+
+    def _between(self, hand: int) -> list[tuple[int, float]]:
+        """Return tubes, and stations on their beams, between a hand's jaws."""
+        # The whole width of a tube must be between them, and their tips past it.
+        holder, beam = self.hands[hand], self.beam
+        aim, half = np.array(holder.aim), 0.5 * holder.opening
+        out: list[tuple[int, float]] = []
+        for tube, (name, rest) in enumerate(self.tubes.network.tubes.items()):
+            stations = beam.stations_of(name)
+            # Elements in fifths: an axis between two nodes is nearly straight.
+            fifths = stations[:-1] + np.arange(5)[:, None] / 5.0 * np.diff(stations)
+            fine = np.append(np.sort(fifths.ravel()), stations[-1])
+            line = beam.places_at(fine, name)
+            way = line - holder.place
+            deep = (way * aim).sum(axis=1)
+            off = np.sqrt(((way - deep[:, None] * aim) ** 2).sum(axis=1))
+            at = int(off.argmin())
+            radius = float(np.interp(fine[at : at + 1], rest.stations, rest.radius)[0])
+            if off[at] + radius <= half and deep[at] >= radius:
+                out.append((tube, float(fine[at])))
+        return out
+
+    def _close(self, hand: int, kind: InputKind) -> bool:
+        """Clip or divide what is between a hand's jaws; return whether anything was."""
+        if self.hands[hand].instrument != ("clip applier" if kind == "clip" else "scissors"):
+            return False
+        found = False
+        for tube, at in self._between(hand):
+            name = self.tubes.names[tube]
+            station = at / self.tubes.surfaces[tube].scale
+            if kind == "clip":
+                for flow in self.fluids.values():
+                    if name in flow.tubes:
+                        flow.clip(at, name)
+                self._note("clip", tube, station, hand)
+            else:
+                element = self.beam.element_at(at, name)
+                if self.beam.state.stiff[self.beam.elements_of(name)][element, 0] == 0.0:
+                    continue
+                self.beam.tear(at, name)
+                if self.torn_elements[tube] < 0:
+                    self.torn_elements[tube] = element
+                self._note("division", tube, station, hand)
+            found = True
+        if found:
+            self._still = False
+            self._forget_reading()
+        return found
+
+    def _suck(self, hand: int, rate: float) -> Applied | None:
+        if self.hands[hand].instrument != "suction":
+            return None
+        wanted = min(max(rate, 0.0), MOST_SUCTION)
+        if wanted == self._suction[hand]:
+            return None
+        self._suction[hand] = wanted
+        return "suck", (wanted,)
+
+    @property
+    def pooled_ml(self) -> float:
+        """What has been lost and not been taken up by suction, ml."""
+        return max(1e-3 * sum(flow.lost for flow in self.fluids.values()) - self.sucked_ml, 0.0)
+
     def _open(self, hand: int, opening: float) -> Applied | None:
         holder = self.hands[hand]
-        if holder.instrument != "dissector":  # no other opens
+        if holder.instrument not in JAWED:  # no other opens
             return None
         before = holder.target_opening
         self.open_jaws(hand, opening)
@@ -268,6 +388,8 @@ class SpatialTissue:
         holder = self.hands[hand]
         holder.instrument = instrument
         holder.opening = holder.target_opening = 0.0
+        holder.aim, holder.spread = TOWARDS_HAND.get(instrument, FROM_ABOVE), ALONG
+        self._suction[hand] = 0.0
         holder.put(self.parking(hand, instrument))
         for rod in self.touch(hand).rods:
             self.beam.set_rod(*rod)
@@ -318,8 +440,7 @@ class SpatialTissue:
         """Return what a hand does to the beam now."""
         holder = self.hands[hand]
         node, instrument = holder.node, holder.instrument
-        radius = SWAB_RADIUS if instrument == "swab" else JAW_RADIUS
-        rods = tuple(Rod(number, tip.copy(), TOWARDS_HAND[instrument], radius)
+        rods = tuple(Rod(number, tip.copy(), holder.aim, RADIUS[instrument])
                      for number, tip in self._tips(hand))  # fmt: skip
         station = None if node is None else self._station_of(node, holder.tube)
         return Touch(station, holder.place.copy(), rods, self.tubes.names[holder.tube])
@@ -336,15 +457,12 @@ class SpatialTissue:
 
     def _tips(self, hand: int) -> list[tuple[int, Floats]]:
         """Return the rods of a hand's instrument and where their tips are."""
-        holder = self.hands[hand]
-        if holder.instrument == "swab":
-            return [(self.rods_of(hand)[0], holder.place)]
-        if holder.instrument == "dissector":
-            # Closed jaws lie side by side, so that no strand is between them.
-            apart = np.array([0.5 * holder.opening + 1.05 * JAW_RADIUS, 0.0, 0.0])
-            left, right = self.rods_of(hand)
-            return [(left, holder.place - apart), (right, holder.place + apart)]
-        return []
+        holder, rods = self.hands[hand], self.rods_of(hand)
+        if len(rods) < 2:
+            return [(rod, holder.place) for rod in rods]
+        # Closed jaws lie side by side, so that no strand is between them.
+        apart = (0.5 * holder.opening + 1.05 * RADIUS[holder.instrument]) * np.array(holder.spread)
+        return [(rods[0], holder.place - apart), (rods[1], holder.place + apart)]
 
     def _withdraw(self, hand: int) -> None:
         self.beam.withdraw_rod(2 * hand)
@@ -410,28 +528,41 @@ class SpatialTissue:
         for tube, (name, check) in enumerate(zip(self.tubes.names, checks, strict=True)):
             if self.stress_ratios[tube] <= 1.0 or self.tears[tube] is not None:
                 continue
-            hand = self._hand_at(tube)
+            worst = beam.worst_stress(name, stresses).station
+            hand = self._hand_at(tube, worst)
             self.tears[tube] = check
-            self.torn_elements[tube] = beam.tear(beam.worst_stress(name, stresses).station, name)
+            self.torn_elements[tube] = beam.tear(worst, name)
             self.broken, self.freed = beam.broken, beam.freed
             self._note("tear", tube, check.station, hand)
             for number, holder in enumerate(self.hands):  # it slips off what holds it
                 if holder.tube == tube:
                     self.release(number)
 
-    def _hand_at(self, tube: int) -> int | None:
-        """Return the hand that pulls a tube, or else the one that pulls or presses hardest."""
-        forces = np.sqrt((self.forces**2).sum(axis=1))
+    def _hand_at(self, tube: int, station: float) -> int | None:
+        """Return the hand that holds a tube, or else the nearest that pulls or presses."""
+        forces: list[float] = (self.forces**2).sum(axis=1).tolist()
+        at = self.beam.places_at(np.array([station]), self.tubes.names[tube])[0]
+        found, nearest = None, math.inf
         for hand, holder in enumerate(self.hands):
+            if not forces[hand]:
+                continue
             if holder.node is not None and holder.tube == tube:
-                forces[hand] += forces.sum()
-        return int(forces.argmax()) if forces.any() else None
+                return hand
+            ways = [at - tip for _, tip in self._tips(hand)] or [at - holder.place]
+            for way in ways:
+                along = max(float((way * holder.aim).sum()), 0.0)
+                away = way - along * np.array(holder.aim)
+                square = float((away**2).sum())
+                if square < nearest:
+                    found, nearest = hand, square
+        return found
 
     def _note(self, kind: EventKind, tube: int, station: float, hand: int | None) -> None:
         self.events.append(Event(kind, self.ticks, self.tubes.names[tube], station, hand))
 
     def _bleed(self) -> bool:
-        """Let fluids flow out of holes for a tick; return whether any does."""
+        """Let fluids flow out of holes for a tick, and take them up; return whether any flows."""
+        self.sucked_ml += min(sum(self._suction) * TICK_SECONDS, self.pooled_ml)
         for fluid, flow in self.fluids.items():
             if not flow.advance(TICK_SECONDS) and not self._leaking:
                 continue

@@ -10,7 +10,7 @@ from app.simulation.attempt import Taker
 from app.simulation.dissection import Dissection
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
-from app.simulation.inputs import InputKind
+from app.simulation.inputs import InputKind, Instrument
 from app.simulation.reading import Reading, Vector
 from app.simulation.run_file import RunStart
 from app.simulation.specimen import Specimen
@@ -50,6 +50,11 @@ class Tissue(Protocol):
 
     def tear_of(self, tube: int) -> RuptureCheck | None:
         """Return where and under what a tube has torn, or None."""
+        ...
+
+    @property
+    def instruments(self) -> tuple[Instrument, ...]:
+        """What its hands may have."""
         ...
 
     @property

@@ -112,6 +112,11 @@ class Flow:
         """What flows out of holes, mm^3/s, at the last step."""
         return math.fsum(each.flow for each in self.holes)
 
+    @property
+    def tubes(self) -> tuple[str, ...]:
+        """Names of the tubes that have it."""
+        return tuple(self._bores)
+
     def clip(self, station: float, tube: str) -> int:
         """Close a tube at a station, mm; return the number of its element."""
         element = self._bed.element_at(station, tube)

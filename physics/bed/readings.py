@@ -117,6 +117,13 @@ class Readings:
         """(N, 3) where the nodes are, mm; a view that the next step changes."""
         return self.state.x
 
+    def places_at(self, stations: Floats, tube: str | None = None) -> Floats:
+        """Return (n, 3) where places of a tube are now, straight between its nodes, mm."""
+        x, out = self.state.x[self._rest.tube(tube).nodes], np.empty((stations.size, 3))
+        for axis in range(3):
+            out[:, axis] = np.interp(stations, self.stations_of(tube), x[:, axis])
+        return out
+
     def rest_place(self, node: int) -> Floats:
         """(3,) where a node is at rest, mm."""
         return self._rest.x[node]

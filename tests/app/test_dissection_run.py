@@ -265,7 +265,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "no such hand": ({"inputs": [[0, 2, "grab", [0, 20.0]]]}, "must be of hand 0 or 1, got 2"),
     "no such instrument": (
         {"inputs": [[0, 0, "instrument", "laser"]]},
-        "must name one of hook, grasper, dissector, swab, got 'laser'",
+        "must name one of hook, grasper, dissector, swab, .*suction, got 'laser'",
     ),
     "two numbers": ({"inputs": [[0, 0, "move", [1.0, 2.0]]]}, "must have three numbers"),
     "no number": ({"inputs": [[0, 0, "open", None]]}, "must have a number, got None"),

@@ -1,0 +1,249 @@
+"""What is safe at the hepatocystic triangle, from the state alone (docs/anatomy.md).
+
+The critical view of safety [Strasberg & Brunt 2010] has three parts of 0 to 2 points each: two and
+only two structures enter the gallbladder; the hepatocystic triangle is cleared; the lower third of
+the cystic plate is freed. A part is judged by the share of its strands that have parted: `ENOUGH`
+for 2 points, `SOME` for 1. Once a structure has torn nothing is safe: what the tear parted does not
+count, and no part has a point.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.anatomy import Anatomy
+from app.simulation.spatial_tissue import SpatialTissue
+
+__all__ = ["CriticalView", "Safety", "Tenting"]
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+ENOUGH, SOME = 0.9, 0.6
+STRUCTURE_MM = 6.0
+"""Length of each structure, next to the gallbladder, that must be free all round."""
+MARGIN_MM = 2.0
+"""mm by which the triangle of the axes is wider."""
+LOWER_PART = 1.0 / 3.0
+BIN_MM = 1.0
+TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
+ALONG_MM = 10.0
+"""Length of duct, to either side of the junction, over which its direction is taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class CriticalView:
+    """The critical view of safety, with the shares of strands that have parted."""
+
+    two_structures: int
+    triangle_cleared: int
+    plate_freed: int
+    structures: dict[str, float]  # share about each one that enters the gallbladder, by its name
+    neck: float
+    triangle: float
+    plate: float
+    torn: tuple[str, ...]  # structures that have torn
+
+    @property
+    def total(self) -> int:
+        """Points, 0 to 6."""
+        return self.two_structures + self.triangle_cleared + self.plate_freed
+
+
+@dataclass(frozen=True, slots=True)
+class Tenting:
+    """How the common duct is drawn out of its bed where the cystic duct joins it."""
+
+    diameters: float  # the junction's displacement, in the common duct's diameters
+    cystic_deg: float  # between the cystic duct and the common duct below the junction
+    upper_deg: float  # between the common duct above and below the junction
+
+    @property
+    def trap(self) -> bool:
+        """Whether the cystic duct goes on in the line of the common duct's lower part."""
+        return self.diameters > TENTED_DIAMETERS and self.cystic_deg < self.upper_deg + TENTED_DEG
+
+
+class Safety:
+    """What is judged of a tissue whose anatomy has a gallbladder, a cystic and a common duct.
+
+    Parameters
+    ----------
+    tissue
+        The tubes; their anatomy says what joins the gallbladder.
+
+    Raises
+    ------
+    ValueError
+        If the anatomy has no gallbladder, or no duct that leads from it to another.
+    """
+
+    def __init__(self, tissue: SpatialTissue) -> None:
+        anatomy = tissue.specimen.anatomy
+        if anatomy is None:
+            raise ValueError("a critical view of safety needs an anatomy, not a single duct")
+        self._tissue = tissue
+        self.gallbladder, self.cystic, self.common = _named(anatomy)
+        # Each structure that enters the gallbladder, and the end of it that does.
+        entering = [
+            (join.tube, join.end) for join in anatomy.join if join.to == self.gallbladder
+        ] + [
+            (join.to, 0 if join.at_mm == "begin" else 1)
+            for join in anatomy.join
+            if join.tube == self.gallbladder
+        ]
+        names, strands = tissue.tubes.names, tissue.tubes.strands
+        tubes = tissue.tubes.network.tubes
+        holder, foot = strands.tubes, strands.to
+
+        def on(name: str, low: float, high: float) -> Mask:
+            """Return which strands hold a stretch of a tube, at either end."""
+            number = names.index(name)
+            return ((holder == number) & (strands.stations >= low) & (strands.stations <= high)) | (
+                (foot == number) & (strands.to_stations >= low) & (strands.to_stations <= high)
+            )
+
+        self._about: dict[str, Mask] = {}
+        for name, end in entering:
+            span = tubes[name].span
+            self._about[name] = (
+                on(name, 0.0, STRUCTURE_MM) if end == 0 else on(name, span - STRUCTURE_MM, span)
+            )
+        bladder = names.index(self.gallbladder)
+        whole = on(self.gallbladder, 0.0, tubes[self.gallbladder].span)
+        self._neck = whole & (foot >= 0)
+        self._plate = (
+            (holder == bladder)
+            & (foot < 0)
+            & (strands.stations <= LOWER_PART * tubes[self.gallbladder].span)
+        )
+        self._triangle = self._inside(anatomy)
+        self._all = {name: on(name, 0.0, tube.span) for name, tube in tubes.items()}
+        self._ends = dict(entering)
+
+    def _inside(self, anatomy: Anatomy) -> Mask:
+        """Return which strands lie in the triangle of junction, neck and hilum at rest."""
+        tissue, strands = self._tissue, self._tissue.tubes.strands
+        tubes, names = tissue.tubes.network.tubes, tissue.tubes.names
+        common = tubes[self.common]
+        junction = tubes[self.cystic].places[0 if self._from_common(anatomy) else -1]
+        neck = tubes[self.gallbladder].places[0]
+        hilum = common.places_at(np.array([common.span - 0.1 * common.span]))[0][0]
+        corners = np.stack([junction, neck, hilum])[:, :2]
+        between = strands.to >= 0
+        middle = np.where(between[:, None], 0.5 * (strands.ends + strands.feet), strands.ends)
+        sides = np.roll(corners, -1, axis=0) - corners
+        turn = _cross(sides[0], sides[1])
+        inside = np.ones(strands.count, dtype=np.bool_)
+        for corner, side in zip(corners, sides, strict=True):
+            off = middle[:, :2] - corner
+            away = math.copysign(1.0, float(turn)) * _cross(side, off) / math.hypot(*side)
+            inside &= away > -MARGIN_MM
+        # Of strands to the bed those of the structures alone: the common duct stays in its own.
+        free = [names.index(each) for each in self._about]
+        return inside & (between | np.isin(strands.tubes, free))
+
+    def _from_common(self, anatomy: Anatomy) -> bool:
+        return any(j.tube == self.cystic and j.end == 0 for j in anatomy.join)
+
+    def critical_view(self) -> CriticalView:
+        """Return the critical view of safety as it is now."""
+        tissue = self._tissue
+        parted = tissue.beam.damage >= 1.0
+
+        def share(which: Mask) -> float:
+            return float(parted[which].mean()) if which.any() else 1.0
+
+        torn = tuple(
+            name
+            for name, tear in zip(tissue.tubes.names, tissue.tears, strict=True)
+            if tear is not None
+        )
+        divided = {each.tube for each in tissue.events if each.kind == "division"}
+        structures = {name: share(which) for name, which in self._about.items()}
+        neck, triangle, plate = share(self._neck), share(self._triangle), share(self._plate)
+        clear = sum(each >= ENOUGH for each in structures.values())
+        two = 0
+        if not divided & structures.keys():
+            if clear == len(structures) and neck >= ENOUGH:
+                two = 2
+            elif clear >= 1 and neck >= SOME:
+                two = 1
+        points = two, _points(triangle), _points(plate)
+        if torn:
+            points = 0, 0, 0
+        return CriticalView(*points, structures, neck, triangle, plate, torn)
+
+    def freed_all_round(self) -> dict[str, float]:
+        """Return the longest stretch of each structure that nothing holds any more, mm."""
+        tissue, strands = self._tissue, self._tissue.tubes.strands
+        whole = tissue.beam.damage < 1.0
+        out: dict[str, float] = {}
+        for name in self._about:
+            number, span = tissue.tubes.names.index(name), tissue.tubes.network.tubes[name].span
+            bins = max(1, round(span / BIN_MM))
+            count = np.zeros(bins)
+            for tubes, stations in (
+                (strands.tubes, strands.stations),
+                (strands.to, strands.to_stations),
+            ):
+                at = stations[(tubes == number) & whole]
+                place = np.minimum((at * (bins / span)).astype(np.int64), bins - 1)
+                count += np.bincount(place, minlength=bins)
+            longest = run = 0
+            for held in count.tolist():
+                run = 0 if held else run + 1
+                longest = max(longest, run)
+            out[name] = longest * span / bins
+        return out
+
+    def tenting(self) -> Tenting:
+        """Return how far the common duct is drawn out, and how the cystic duct lines up with it."""
+        tissue, beam = self._tissue, self._tissue.beam
+        common, own = beam.nodes_of(self.common), beam.nodes_of(self.cystic)
+        first = bool((common == own[0]).any())  # which end of the cystic duct the junction is
+        shared = int(own[0 if first else -1])
+        at = float(beam.stations_of(self.common)[common == shared][0])
+        length = float(beam.stations_of(self.cystic)[-1])
+        below, junction, above = beam.places_at(
+            np.array([at - ALONG_MM, at, at + ALONG_MM]), self.common
+        )
+        far = beam.places_at(np.array([ALONG_MM if first else length - ALONG_MM]), self.cystic)[0]
+        moved = junction - beam.rest_place(shared)
+        rest = tissue.tubes.network.tubes[self.common]
+        radius = float(np.interp(np.array([at]), rest.stations, rest.radius)[0])
+        return Tenting(
+            math.sqrt(float((moved**2).sum())) / (2.0 * radius),
+            _angle(junction - below, far - junction),
+            _angle(junction - below, above - junction),
+        )
+
+
+def _points(share: float) -> int:
+    return 2 if share >= ENOUGH else 1 if share >= SOME else 0
+
+
+def _named(anatomy: Anatomy) -> tuple[str, str, str]:
+    """Return the names of the gallbladder, the cystic and the common duct."""
+    bladder = next((tube.name for tube in anatomy.tube if tube.kind == "organ"), None)
+    if bladder is None:
+        raise ValueError(f"anatomy {anatomy.name!r} has no gallbladder: no tube of kind organ")
+    ducts = {tube.name for tube in anatomy.tube if tube.kind == "duct"}
+    pairs = [(join.tube, join.to) for join in anatomy.join]
+    pairs += [(b, a) for a, b in pairs]
+    for cystic in (b for a, b in pairs if a == bladder and b in ducts):
+        for common in (b for a, b in pairs if a == cystic and b in ducts - {cystic}):
+            return bladder, cystic, common
+    raise ValueError(f"anatomy {anatomy.name!r} has no duct from {bladder!r} to another duct")
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _angle(a: Floats, b: Floats) -> float:
+    """Return the angle between two directions, degrees."""
+    cosine = float((a * b).sum()) / math.sqrt(float((a * a).sum() * (b * b).sum()))
+    return math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))

@@ -1,0 +1,258 @@
+"""Scripted hands at an anatomy: what ships, clips and divisions, and scripts that cannot be."""
+
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from app.anatomy import anatomy_named
+from app.simulation import (
+    FEW,
+    Performance,
+    Replay,
+    Safety,
+    Script,
+    Session,
+    Specimen,
+    performed,
+    read_run,
+    read_script,
+    run_json,
+)
+from assets import SCRIPTS
+
+TAKE = """
+[[step]]
+do = "take"
+hand = {hand}
+instrument = "{instrument}"
+
+[[step]]
+do = "aim"
+hand = {hand}
+direction = [0, 0, 1]
+"""
+CLOSE = """
+[[step]]
+do = "spread"
+hand = {hand}
+tube = "cystic"
+at_mm = {at}
+direction = [0, 1, 0]
+
+[[step]]
+do = "lead"
+hand = {hand}
+tube = "cystic"
+at_mm = {at}
+off_mm = [0, 0, 14]
+
+[[step]]
+do = "open"
+hand = {hand}
+opening_mm = 5
+
+[[step]]
+do = "lead"
+hand = {hand}
+tube = "cystic"
+at_mm = {at}
+off_mm = [0, 0, {deep}]
+
+[[step]]
+do = "{what}"
+hand = {hand}
+
+[[step]]
+do = "lead"
+hand = {hand}
+tube = "cystic"
+at_mm = {at}
+off_mm = [0, 0, 14]
+"""
+
+
+def done(script: str) -> tuple[Session, Performance]:
+    """Return what came of a script, given as TOML, at the normal anatomy."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    return session, performed(msgspec.toml.decode(script, type=Script), session)
+
+
+@cache
+def shipped(name: str) -> tuple[Session, Performance]:
+    """Return what came of a shipped script."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    return session, performed(read_script(SCRIPTS / f"{name}.toml"), session)
+
+
+def kinds(session: Session) -> list[tuple[str, str]]:
+    """Return the events' kinds and tubes."""
+    return [(each.kind, each.tube) for each in session.spatial.events]
+
+
+def test_hasty_jaws_make_the_artery_bleed() -> None:
+    """The cystic artery tears by the second hand's jaws, blood is lost, and nothing is safe."""
+    session, found = shipped("hasty")
+    tear = session.spatial.events[0]
+    assert (tear.kind, tear.tube, tear.hand) == ("tear", "artery", 1)
+    assert ("bleeding", "artery") in kinds(session)
+    blood = session.reading().fluids[0]
+    assert blood.lost_ml > 5.0
+    assert blood.lost_ml + blood.left_ml == pytest.approx(5000.0, rel=1e-12)
+    assert found.view is not None
+    assert found.view.torn == ("artery",)
+    assert found.view.triangle > 0.1  # parted, and worth nothing
+    assert found.view.total == 0
+
+
+def test_a_tented_common_duct_is_seen_and_tears() -> None:
+    """Held at the junction it stands in line with the cystic duct, tears and leaks bile."""
+    session, found = shipped("tented")
+    assert found.trap
+    assert found.tenting is not None
+    assert found.tenting.diameters > 1.0
+    assert kinds(session)[:2] == [("tear", "common"), ("leak", "common")]
+    assert session.spatial.events[0].hand == 0
+
+
+@pytest.mark.parametrize("name", ["hasty", "tented"])
+def test_a_performance_is_replayed_to_the_bit(name: str) -> None:
+    """Its run is a run like any other: file, measures and events come out again."""
+    session, _ = shipped(name)
+    run = session.run_file()
+    again = Replay(read_run(run_json(run)).log, session.specimen.organ)  # pyright: ignore[reportArgumentType]
+    again.seek_tick(run.log.ticks)
+    assert run_json(again.run_file()) == run_json(run)
+    assert again.session.spatial.events == session.spatial.events
+
+
+def clipped(*, clips: bool) -> Session:
+    """Return a session in which the cystic duct was divided, between two clips or without."""
+    script = TAKE.format(hand=1, instrument="clip applier")
+    if clips:
+        script += CLOSE.format(hand=1, at=8, deep=-3, what="clip")
+        script += CLOSE.format(hand=1, at=16, deep=-3, what="clip")
+    script += TAKE.format(hand=2, instrument="scissors")
+    script += CLOSE.format(hand=2, at=12, deep=-3, what="divide")
+    session, found = done(script + '\n[[step]]\ndo = "wait"\nseconds = 2\n')
+    assert found.refused == []
+    assert found.view_at_first_clip is not None or not clips
+    return session
+
+
+def test_a_duct_divided_between_clips_leaks_nothing() -> None:
+    """Two clips hold what scissors open; without them bile flows out of both ends."""
+    dry, wet = clipped(clips=True), clipped(clips=False)
+    assert kinds(dry) == [("clip", "cystic"), ("clip", "cystic"), ("division", "cystic")]
+    assert dry.reading().fluids[1].lost_ml == 0.0
+    assert kinds(wet) == [("division", "cystic"), ("leak", "cystic")]
+    assert wet.reading().fluids[1].lost_ml > 0.1
+    at = [each.station for each in dry.spatial.events]
+    assert at == pytest.approx([8.0, 16.0, 12.0], abs=1.0)
+    assert dry.spatial.tear_of(1) is None  # divided, not torn
+    dry.choose_instrument(0, "grasper")
+    assert dry.grab(0, 18.0, 1) is not None  # and its pieces can be held
+
+
+def test_suction_takes_up_what_was_lost_and_no_more() -> None:
+    """What is pooled is what was lost less what was sucked."""
+    session = clipped(clips=False)
+    tissue = session.spatial
+    lost = sum(each.lost_ml for each in session.reading().fluids)
+    assert tissue.pooled_ml == pytest.approx(lost, rel=1e-12)
+    session.choose_instrument(0, "suction")
+    session.suck(0, 30.0)
+    session.advance(60)
+    assert tissue.pooled_ml < 0.05 * lost
+    assert tissue.sucked_ml <= sum(each.lost_ml for each in session.reading().fluids) + 1e-9
+
+
+def test_jaws_that_are_not_past_a_tube_close_nothing() -> None:
+    """A clip and scissors need the whole width between their jaws."""
+    script = TAKE.format(hand=1, instrument="clip applier")
+    session, found = done(script + CLOSE.format(hand=1, at=8, deep=1.0, what="clip"))
+    assert kinds(session) == []
+    assert found.refused == ["step 7: hand 1 could not clip"]
+
+
+def test_nothing_is_cleared_at_rest_and_all_once_all_has_parted() -> None:
+    """The critical view is 0 at rest, and 6 with every strand of the three parts parted."""
+    session = Session(Specimen.of_anatomy(anatomy_named("accessory-artery")), vertices=FEW)
+    safety = Safety(session.spatial)
+    rest = safety.critical_view()
+    assert (rest.total, rest.triangle, rest.plate) == (0, 0.0, 0.0)
+    assert set(rest.structures) == {"cystic", "artery", "artery2"}
+    assert not safety.tenting().trap
+    beam, names = session.spatial.beam, session.spatial.tubes.names
+    for name in names:
+        if name != "common":
+            beam.break_between(0.0, beam.network.tubes[name].span, name)
+    view = safety.critical_view()
+    assert view.total == 6
+    freed = safety.freed_all_round()
+    spans = {name: beam.network.tubes[name].span for name in freed}
+    assert freed == pytest.approx(spans)
+    session.spatial.tears[names.index("artery")] = session.reading().check
+    assert safety.critical_view().total == 0
+
+
+BAD = {
+    "no step": ("", "needs a \\[\\[step\\]\\]|`step`"),
+    "unknown field": ('[[step]]\ndo = "wait"\nsecond = 1', "second"),
+    "unknown do": ('[[step]]\ndo = "dance"', "dance"),
+    "wait without seconds": ('[[step]]\ndo = "wait"', "step 1, wait, needs seconds"),
+    "wait backwards": ('[[step]]\ndo = "wait"\nseconds = -1', "seconds must be from"),
+    "too long": ('[[step]]\ndo = "wait"\nseconds = 1e5', "seconds must be from"),
+    "third hand": ('[[step]]\ndo = "release"\nhand = 3', "3"),
+    "unknown tube": ('[[step]]\ndo = "grab"\ntube = "ureter"\nat_mm = 1', "no tube 'ureter'"),
+    "beyond a tube": ('[[step]]\ndo = "grab"\ntube = "cystic"\nat_mm = 99', "at_mm on 'cystic'"),
+    "grab nowhere": ('[[step]]\ndo = "grab"\ntube = "cystic"', "needs at_mm"),
+    "lead nowhere": ('[[step]]\ndo = "lead"', "needs one of to_mm, by_mm and tube"),
+    "lead twice": ('[[step]]\ndo = "lead"\nto_mm = [0,0,0]\nby_mm = [0,0,0]', "needs one of"),
+    "lead to nan": ('[[step]]\ndo = "lead"\nto_mm = [nan, 0, 0]', "three finite numbers"),
+    "two numbers": ('[[step]]\ndo = "lead"\nto_mm = [0, 0]', "to_mm|length 3"),
+    "no speed": ('[[step]]\ndo = "lead"\nto_mm = [0,0,0]\nspeed_mm_s = 0', "speed_mm_s must be"),
+    "no instrument": ('[[step]]\ndo = "take"', "needs instrument"),
+    "unknown instrument": ('[[step]]\ndo = "take"\ninstrument = "laser"', "laser"),
+    "no direction": ('[[step]]\ndo = "aim"', "needs direction"),
+    "zero direction": ('[[step]]\ndo = "aim"\ndirection = [0,0,0]', "must not be 0, 0, 0"),
+    "jaws shut too far": ('[[step]]\ndo = "open"\nopening_mm = -1', "opening_mm must be"),
+    "blowing": ('[[step]]\ndo = "suck"\nrate_ml_s = -1', "rate_ml_s must be"),
+    "empty step": ("[[step]]\nhand = 1", "needs either do"),
+    "repeated nowhere": ('[[step]]\n[[step.step]]\ndo = "release"', "needs each_mm"),
+    "repeated beyond": (
+        '[[step]]\neach_mm = [1, 99]\n[[step.step]]\ndo = "grab"\ntube = "cystic"',
+        "step 1.1: at_mm on 'cystic'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_script_is_refused_in_one_sentence(name: str, tmp_path: Path) -> None:
+    """Before anything is done, with the step and what would be right."""
+    content, words = BAD[name]
+    path = tmp_path / "script.toml"
+    path.write_text(content)
+    with pytest.raises(ValueError, match=words) as raised:
+        performed(read_script(path), _untouched())
+    assert "\n" not in str(raised.value)
+    assert not _untouched().run.started
+
+
+@cache
+def _untouched() -> Session:
+    return Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+
+
+def test_a_volume_of_tissue_is_not_asked_of_a_single_duct() -> None:
+    """Only an anatomy with a gallbladder and two ducts has a critical view."""
+    arteries = anatomy_named("normal")
+    bare = msgspec.structs.replace(
+        arteries, tube=arteries.tube[:1], join=[], layer=[arteries.layer[7]]
+    )
+    session = Session(Specimen.of_anatomy(bare), vertices=FEW)
+    with pytest.raises(ValueError, match="no gallbladder"):
+        Safety(session.spatial)
+    assert np.isfinite(session.spatial.beam.places).all()
