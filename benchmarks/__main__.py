@@ -1,13 +1,15 @@
 """Measure physics, trainer and geometry in one run: tables, and the figures in build/bench.json.
 
 Run from the root of the repository: ``make bench``, or ``python -m benchmarks``; with names of
-parts, as ``python -m benchmarks geometry``, only these.
+parts, as ``python -m benchmarks geometry``, only these. ``python -m benchmarks cheats`` looks for
+policies that pass exercises with errors, ``--seconds`` in each; it is done when named only.
 """
 
+import argparse
 import json
 import platform
-import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from rich.table import Table
 
 from app.command_line.load import shipped_organ
 from benchmarks.bed_step import measure_bed
+from benchmarks.cheats import measure_cheats
 from benchmarks.cubic_beam import cubic_array_rate, cubic_engine
 from benchmarks.dissection_exercises import measure_exercises
 from benchmarks.duct import DUCT, FORCE
@@ -154,14 +157,18 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
 
 def main() -> None:
     """Measure, print, and write the figures."""
-    console = Console()
-    wanted = sys.argv[1:] or [*PARTS]
-    unknown = [name for name in wanted if name not in PARTS]
+    parser = argparse.ArgumentParser(prog="python -m benchmarks")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)}, cheats")
+    parser.add_argument("--seconds", type=float, default=600.0, help="of cheats, each exercise")
+    given = parser.parse_args()
+    parts = PARTS | {"cheats": partial(measure_cheats, seconds=given.seconds)}
+    unknown = [name for name in given.parts if name not in parts]
     if unknown:
-        sys.exit(f"python -m benchmarks measures {', '.join(PARTS)}, not {', '.join(unknown)}")
+        parser.error(f"there are {', '.join(parts)}, not {', '.join(unknown)}")
+    console = Console()
     figures: dict[str, Any] = {"machine": machine()}
-    for name in wanted:
-        figures[name] = PARTS[name](console)
+    for name in given.parts or PARTS:
+        figures[name] = parts[name](console)
     FIGURES.parent.mkdir(exist_ok=True)
     FIGURES.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     console.print("\nFigures: build/bench.json", highlight=False)

@@ -10,6 +10,7 @@ from app.command_line import (
     anatomy,
     classroom,
     compress,
+    dataset,
     export,
     fit,
     haptics,
@@ -69,6 +70,7 @@ program.command("perform")(perform.perform)
 program.command("validate")(validate.validate)
 program.command("fit")(fit.fit)
 program.add_typer(study.study, name="study")
+program.command("dataset")(dataset.dataset)
 
 
 def main() -> None:

@@ -1,0 +1,117 @@
+"""Learn *Open a window* from scripted hands: behaviour cloning in plain numpy, some minutes.
+
+    bluntdissect dataset -o window/ --seeds 1-20 --tremor 0.1
+    python examples/clone_window.py window/
+
+A small network learns the demonstrations' actions from what they saw, and is judged on beds that
+were never seen, beside the scripted hands and random ones. Its best run goes to `clone.json`, which
+the trainer's Replay plays.
+"""
+
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from app.rl.demonstration import demonstrate
+from app.rl.environment import DissectionEnv
+from app.simulation import run_json
+
+KEYS = ("hands", "wall", "goal")
+HIDDEN, STEPS, RATE, NOISE = 64, 3000, 3e-3, 0.02
+UNSEEN = range(21, 41)
+
+
+def demonstrations(folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return (T, F) observations and (T, A) actions of all episodes."""
+    seen, done = [], []
+    for path in sorted((folder / "data").glob("*/part-0.parquet")):
+        table = pq.read_table(path)
+        observed = table["observations"].combine_chunks()
+        rows = [np.stack(observed.field(key).to_numpy(zero_copy_only=False)) for key in KEYS]
+        seen.append(np.concatenate(rows, axis=1)[:-1, :-1])  # what is seen but the time left
+        done.append(np.stack(table["actions"].to_numpy())[:-1])
+    return np.concatenate(seen), np.concatenate(done)
+
+
+class Network:
+    """Two hidden layers of tanh, fitted by Adam (Kingma and Ba 2015)."""
+
+    def __init__(self, seen: np.ndarray, done: np.ndarray, seed: int = 0) -> None:
+        draw = np.random.default_rng(seed)
+        self.mean, self.scale = seen.mean(axis=0), np.maximum(seen.std(axis=0), 0.2)
+        sizes = [seen.shape[1], HIDDEN, HIDDEN, done.shape[1]]
+        self.layers = [
+            np.concatenate([draw.normal(0.0, a**-0.5, (a, b)), np.zeros((1, b))])
+            for a, b in pairwise(sizes)
+        ]
+        first = [np.zeros_like(each) for each in self.layers]
+        second = [np.zeros_like(each) for each in self.layers]
+        for step in range(1, STEPS + 1):
+            rows = draw.integers(len(seen), size=256)
+            x = (seen[rows] - self.mean) / self.scale
+            inputs, out = self.forward(x + NOISE * draw.standard_normal(x.shape))
+            back = 2.0 * (out - done[rows]) / out.size
+            for k in reversed(range(len(self.layers))):
+                slope = inputs[k].T @ back
+                if k:
+                    back = (back @ self.layers[k].T)[:, :-1] * (1.0 - inputs[k][:, :-1] ** 2)
+                first[k] += 0.1 * (slope - first[k])
+                second[k] += 1e-3 * (slope**2 - second[k])
+                mean, size = first[k] / (1 - 0.9**step), second[k] / (1 - 0.999**step)
+                self.layers[k] -= RATE * mean / (np.sqrt(size) + 1e-8)
+
+    def forward(self, x: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+        """Return each layer's inputs with a one, and what comes out."""
+        inputs = []
+        for k, layer in enumerate(self.layers):
+            inputs.append(np.concatenate([x, np.ones((len(x), 1))], axis=1))
+            x = inputs[-1] @ layer
+            if k < len(self.layers) - 1:
+                x = np.tanh(x)
+        return inputs, x
+
+    def act(self, observed: dict[str, np.ndarray]) -> np.ndarray:
+        """Return the action for an observation."""
+        row = np.concatenate([observed[key].ravel() for key in KEYS])[:-1]
+        return self.forward(((row - self.mean) / self.scale)[None])[1][0]
+
+
+def main() -> None:
+    seen, done = demonstrations(Path(sys.argv[1]))
+    network = Network(seen, done)
+    env = DissectionEnv(exercise="window", time_limit=20.0)
+    env.action_space.seed(1)
+    hands = {
+        "cloned": network.act,
+        "random": lambda observed: env.action_space.sample(),
+        "scripted": None,
+    }
+    for name, act in hands.items():
+        passed, clean, seconds = 0, 0, []
+        for seed in UNSEEN:
+            if act is None:
+                demonstrate(env, seed)
+            else:
+                observed, _ = env.reset(options={"bed_seed": seed})
+                over = False
+                while not over:
+                    observed, _, terminated, truncated, _ = env.step(act(observed))
+                    over = terminated or truncated
+            assert env.episode is not None
+            info = env.episode.info()
+            passed += info["passed"]
+            clean += info["passed"] and not info["errors"]
+            seconds.append(info["seconds"])
+            if name == "cloned" and info["passed"] and seconds[-1] == min(seconds):
+                Path("clone.json").write_bytes(run_json(env.run_file()))
+        print(
+            f"{name}: {passed} of {len(seconds)} beds passed, {clean} without an error, "
+            f"{np.mean(seconds):.1f} s a bed"
+        )
+
+
+if __name__ == "__main__":
+    main()
