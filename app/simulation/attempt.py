@@ -8,6 +8,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.errors import ERROR_CLASSES, Incidents
 from app.simulation.exercise import Exercise, Outcome
 from app.simulation.metrics import METRIC_OF, metrics_of
+from app.simulation.safety import CriticalView
 
 __all__ = ["Attempt", "Taker"]
 
@@ -42,6 +43,10 @@ class Taker(Protocol):
     @property
     def distance_to_break(self) -> float:
         """1 less the stress over the threshold, now."""
+        ...
+
+    def critical_view(self) -> CriticalView:
+        """Return the critical view of safety now; a `ValueError` where there is none."""
         ...
 
     def start(self) -> None:

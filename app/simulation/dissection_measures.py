@@ -1,6 +1,7 @@
 """Measures of a dissection, taken while it runs (docs/measures.md)."""
 
 import math
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -13,6 +14,7 @@ from app.simulation.errors import Incidents
 from app.simulation.exercise import Exercise
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import HANDS
+from app.simulation.safety import CriticalView, Safety
 from app.simulation.sight import TOWARDS_VIEWER, WORKING_DISTANCE
 
 if TYPE_CHECKING:
@@ -242,6 +244,14 @@ class DissectionMeasureTaker:
     def distance_to_break(self) -> float:
         """1 less the stress over the threshold, now."""
         return 1.0 - self.duct.stress_ratio
+
+    def critical_view(self) -> CriticalView:
+        """Return the critical view of safety now; a `ValueError` where there is none."""
+        return self._safety.critical_view()
+
+    @cached_property
+    def _safety(self) -> Safety:
+        return Safety(self.duct)
 
     def measures(self) -> DissectionMeasures:
         """Return the measures so far; a `ValueError` before the start."""

@@ -19,11 +19,12 @@ from app.simulation.errors.incidents import Consequence
 from app.simulation.errors.pace import PULL_TICKS, Pace
 from app.simulation.hand import Hand
 from app.simulation.run_file import HANDS
+from app.simulation.safety import Safety
 from app.simulation.sight import TOWARDS_VIEWER
 from kernel_cache import SameTypes, njit
 
 if TYPE_CHECKING:
-    from app.simulation.spatial_tissue import SpatialTissue
+    from app.simulation.spatial_tissue import Event, SpatialTissue
 
 __all__ = ["ErrorFinder"]
 
@@ -39,6 +40,8 @@ TURN_MM = 2.0
 """mm by which a tip that goes back turns, and within which two holds are at one place."""
 LEAST_FLOW, SERIOUS_ML = 1e-3, 2.0
 """mm^3/s below which nothing flows; ml of blood beyond which a bleeding is an injury, a choice."""
+VIEW_TICKS = 10
+"""Ticks from one look at the critical view to the next."""
 SAME = 1e-6
 """mm. Ends of stretches differ from a clamp or a divided end by rounding only."""
 
@@ -118,6 +121,8 @@ class ErrorFinder:
         self._vessels = [tube for tube, kind in enumerate(kinds) if kind in ("artery", "vein")]
         self._wrong = [about is not None and name not in about for name in tubes]
         self._bleeding_since: dict[str, int] = {}
+        self._safety = None if anatomy is None else _safety_of(duct)
+        self._points = 0  # of the critical view, before this tick
         self._events = len(duct.events)
         self.incidents = Incidents(
             Conditions(bed.yield_mm, bed.part_mm, self.radius, ratio, hidden),
@@ -171,12 +176,16 @@ class ErrorFinder:
         if duct.specimen.anatomy is not None:
             self._judge_tubes(forces, parted)
         self._take_events()
+        if self._safety is not None and incidents.tick % VIEW_TICKS == 0:
+            self._points = self._safety.critical_view().total
         incidents.end_tick(self._consequence(share, out_of_sight))
 
     def _take_events(self) -> None:
-        """Note what tore in this tick."""
+        """Note what tore, was clipped or was divided in this tick."""
         duct, self._torn = self._duct, False
         for event in duct.events[self._events :]:
+            if event.kind in ("clip", "division"):
+                self._judge_closing(event)
             if event.kind == "tear":
                 self._torn = True
                 tube = duct.tubes.names.index(event.tube)
@@ -184,6 +193,31 @@ class ErrorFinder:
                     "tear", event.hand, event.station, tube=tube, x=event.station, name=event.tube
                 )
         self._events = len(duct.events)
+
+    def _judge_closing(self, event: "Event") -> None:
+        """Judge a clip or a division: on which tube, and whether the time has come for it."""
+        duct, incidents = self._duct, self.incidents
+        tube, at = duct.tubes.names.index(event.tube), event.station
+        if self._wrong[tube]:
+            did = "clipped" if event.kind == "clip" else "divided"
+            incidents.note(
+                "clip_wrong_tube", event.hand, at, tube=tube, did=did, x=at, name=event.tube
+            )
+        safety = self._safety
+        if event.kind == "clip" or safety is None or event.tube not in safety.entering:
+            return
+        points = self._points
+        if points < incidents.limits["divided_before_view"]["points"]:
+            incidents.note(
+                "divided_before_view", event.hand, at, tube=tube, n=points, name=event.tube
+            )
+        stays = safety.entering[event.tube] == 1  # whether the side towards its begin stays
+        clips = sum(
+            each.kind == "clip" and each.tube == event.tube and (each.station < at) == stays
+            for each in duct.events
+        )
+        if clips < incidents.limits["clip_short"]["clips"]:
+            incidents.note("clip_short", event.hand, at, tube=tube, n=clips, name=event.tube)
 
     def _judge_tubes(self, forces: list[list[float]], parted: int) -> None:
         """Judge what is done to an anatomy's tubes: which are pulled, and what bleeds."""
@@ -426,6 +460,14 @@ class ErrorFinder:
                 incidents.note("behind_front", i, at, x=at, d=-away, front=front)
         if now is not None and min(0.0, away) - now > limits["one_go"]["far"]:
             incidents.note("one_go", i, at, -now, d=-now)
+
+
+def _safety_of(tissue: "SpatialTissue") -> Safety | None:
+    """Return what judges an anatomy with a gallbladder; None of another."""
+    try:
+        return Safety(tissue)
+    except ValueError:
+        return None
 
 
 @njit(cache=True, nogil=True)

@@ -6,14 +6,16 @@ from typing import Literal
 
 import msgspec
 
+from app.anatomy import Anatomy
 from app.simulation.bed_preset import BedPreset
 from app.simulation.errors import ERROR_CLASSES
-from app.simulation.goals import BreakApart, FreeLength, Goal, Stay
+from app.simulation.goals import BreakApart, CriticalView, FreeLength, Goal, Stay
 from app.simulation.inputs import INSTRUMENTS, Instrument
 from app.simulation.metrics import METRIC_OF
 
 __all__ = [
     "BreakApart",
+    "CriticalView",
     "Exercise",
     "ExerciseInputs",
     "Feedback",
@@ -67,14 +69,17 @@ class Limit(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 
 
 class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The bed that an exercise is done in, and what is free of it at the start."""
+    """The bed or the anatomy that an exercise is done in, and what is free of it at the start."""
 
-    bed: str | BedPreset
-    bed_seed: int
+    bed: str | BedPreset | None = None
+    bed_seed: int = 1  # of the bed's scatter
     opened_mm: tuple[float, float] | None = None  # free at the start
     divided: bool = False  # the duct ends at its second clamp, which is gone
+    anatomy: str | Anatomy | None = None  # name of a shipped one, or another in full
 
     def __post_init__(self) -> None:
+        if (self.bed is None) == (self.anatomy is None):
+            raise ValueError("opening must have a bed or an anatomy, one of them")
         opened = self.opened_mm
         if opened is not None and not 0.0 <= opened[0] < opened[1] < math.inf:
             raise ValueError(f"opened_mm must rise, got {opened}")

@@ -14,14 +14,18 @@ from functools import lru_cache
 import msgspec
 import numpy as np
 
+from app.anatomy import Anatomy
 from app.simulation.bed_preset import BedPreset, bed_named, named_or_whole
 from app.simulation.clock import REACTION_SECONDS
-from app.simulation.exercise import Exercise, FreeLength, Limit, Opening, Stay
+from app.simulation.exercise import CriticalView, Exercise, FreeLength, Limit, Opening, Stay
 from app.simulation.exercise_table import EXERCISES
+from app.simulation.goals import Goal
 from app.simulation.grasped_beam import GraspedBeam
+from app.simulation.run_file import anatomy_or_name
+from app.simulation.safety import Safety
 from app.simulation.scripted_hands import MANNERS, Lift, Technique, perform
 from app.simulation.session import Session
-from app.simulation.spatial_tissue import FREED_PART
+from app.simulation.spatial_tissue import FREED_PART, SpatialTissue
 from app.simulation.specimen import Specimen
 
 __all__ = ["exercises_offered"]
@@ -55,6 +59,7 @@ LOOSEST = 0.95
 """An exercise whose limit of stress comes out above this part of the break is not offered."""
 MOST_SEEDS = 20
 SCAR = "scar"
+POINTS = 5  # of the critical view of safety
 FEW = 300
 """Vertices of a duct that nobody sees."""
 MOST_STRANDS = 10**6
@@ -67,13 +72,15 @@ IN_BED = ("window", "follow_front", "free_scar")
 def exercises_offered(session: Session) -> tuple[Exercise, ...]:
     """Return the exercises for a session's duct: a second's work the first time in a bed."""
     specimen = session.specimen
+    if specimen.anatomy is not None:
+        return _at_anatomy(session.spatial, specimen.anatomy)
     if specimen.bed is not None:
         return _in_bed(replace(specimen, threshold_MPa=session.tissue.threshold))
     return () if specimen.theory is None else _of_free_duct(session.task_beam())
 
 
 def _exercise(
-    name: str, goal: Stay | FreeLength, limits: Sequence[Limit], opening: Opening | None = None
+    name: str, goal: Goal, limits: Sequence[Limit], opening: Opening | None = None
 ) -> Exercise:
     kind = EXERCISES[name]
     return Exercise(
@@ -86,6 +93,19 @@ def _exercise(
         instruments=kind.instruments,
         time_limit_s=kind.time_limit_s,
     )
+
+
+def _at_anatomy(tissue: SpatialTissue, anatomy: Anatomy) -> tuple[Exercise, ...]:
+    """Return the exercises at an anatomy; none where there is no gallbladder."""
+    try:
+        safety = Safety(tissue)
+    except ValueError:
+        return ()
+    exercise = _exercise(
+        "critical_view", CriticalView(POINTS), [], Opening(anatomy=anatomy_or_name(anatomy))
+    )
+    about = (safety.gallbladder, *safety.entering)
+    return (msgspec.structs.replace(exercise, about=about),)
 
 
 def _of_free_duct(duct: GraspedBeam) -> tuple[Exercise, ...]:

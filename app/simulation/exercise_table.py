@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.simulation.inputs import HOLDING, INSTRUMENTS, Instrument
+from app.simulation.inputs import ALL_INSTRUMENTS, HOLDING, INSTRUMENTS, Instrument
 
 __all__ = ["EXERCISES", "ExerciseKind"]
 
@@ -39,6 +39,13 @@ EXERCISES: dict[str, ExerciseKind] = {
         "Free a scar with two hands",
         "hold it up with one hand and open the dissector behind the scar with the other",
         ("no_traction", "traction_lost", *WITH_JAWS), time_limit_s=120.0, spare=1.12,
+    ),
+    "critical_view": ExerciseKind(
+        "Critical view",
+        "show the two structures that alone enter the gallbladder, clear the triangle and free "
+        "the lower third of the plate",
+        ("wrong_structure", "clip_wrong_tube", "divided_before_view", "bleeding"),
+        ALL_INSTRUMENTS, time_limit_s=1200.0,
     ),
     "hold_stretch": ExerciseKind("Hold a stretch", "", TOO_FAST),
     "approach_break": ExerciseKind("Approach the break", "", TOO_FAST),

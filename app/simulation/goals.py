@@ -12,9 +12,10 @@ from app.simulation.metrics import Metrics
 if TYPE_CHECKING:
     from app.simulation.attempt import Taker
 
-__all__ = ["BreakApart", "Followed", "FreeLength", "Goal", "Stay"]
+__all__ = ["BreakApart", "CriticalView", "Followed", "FreeLength", "Goal", "Stay"]
 
 MOST_REPEATS = 100
+MOST_POINTS, VIEW_TICKS = 6, 10
 LOST_MM = 3.0
 """mm freed where the exercise does not ask for it, from which on that is worth a word."""
 Span = tuple[float, float]
@@ -289,5 +290,65 @@ class _Breaking:
         return taker.torn
 
 
-Goal = Stay | FreeLength | BreakApart
+class CriticalView(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="critical_view"
+):
+    """Free what must be free before anything is clipped: the critical view of safety."""
+
+    points: int  # of 6
+
+    least_seconds = TICK_SECONDS
+    band: Span | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.points <= MOST_POINTS:
+            raise ValueError(f"points must be from 1 to {MOST_POINTS}, got {self.points}")
+
+    def band_on(self, duct: GraspedBeam) -> Span | None:
+        """None: it is no deflection."""
+
+    @property
+    def words(self) -> str:
+        """What to do, as a sentence begins."""
+        return f"Reach {self.points} of {MOST_POINTS} points of the critical view of safety"
+
+    def follow(self) -> Followed:
+        """Return what follows an attempt."""
+        return _Viewing(self)
+
+    def reached(self, metrics: Metrics) -> str:
+        """Return how it was reached, in a sentence."""
+        return (
+            f"Reached {self.points} of {MOST_POINTS} points with nothing torn, at no more than "
+            f"{100.0 * metrics['peak_stress_ratio']:.0f} % of a wall's break."
+        )
+
+
+class _Viewing:
+    """Judges the critical view, three times a second."""
+
+    def __init__(self, goal: CriticalView) -> None:
+        self._goal, self._ticks, self._points = goal, 0, 0
+        self._show("")
+
+    def take(self, taker: "Taker") -> bool:
+        """Take a tick; return whether the goal is reached."""
+        if self._ticks % VIEW_TICKS == 0:
+            view = taker.critical_view()
+            self._points = view.total
+            least = min(view.structures.values(), default=1.0)
+            self._show(
+                f"; parted about the structures {100.0 * least:.0f} %, in the triangle "
+                f"{100.0 * view.triangle:.0f} %, at the plate {100.0 * view.plate:.0f} %"
+            )
+        self._ticks += 1
+        return self._points >= self._goal.points
+
+    def _show(self, parts: str) -> None:
+        self.progress = min(self._points / self._goal.points, 1.0)
+        self.so_far = f"{self._points} of {self._goal.points} points"
+        self.standing = self.so_far + parts
+
+
+Goal = Stay | FreeLength | BreakApart | CriticalView
 """What an exercise asks for. Each has `words`, `band`, `least_seconds`, and follows attempts."""

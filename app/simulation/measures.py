@@ -7,6 +7,7 @@ import msgspec
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.errors import Incidents
 from app.simulation.errors.pace import PullErrorFinder
+from app.simulation.safety import CriticalView
 from physics import BreakEvent
 
 __all__ = ["MeasureTaker", "Measures", "TearMeasures"]
@@ -185,6 +186,10 @@ class MeasureTaker:
             bending_stress_MPa=check.bending_stress,
             threshold_MPa=check.threshold,
         )
+
+    def critical_view(self) -> CriticalView:
+        """Raise a `ValueError`: a free duct alone has none."""
+        raise ValueError("a critical view of safety needs an anatomy, not a single duct")
 
     def measures(self) -> Measures:
         """Return the measures so far."""

@@ -9,12 +9,15 @@ count, and no part has a point.
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import Anatomy
-from app.simulation.spatial_tissue import SpatialTissue
+
+if TYPE_CHECKING:
+    from app.simulation.spatial_tissue import SpatialTissue
 
 __all__ = ["CriticalView", "Safety", "Tenting"]
 
@@ -80,13 +83,12 @@ class Safety:
         If the anatomy has no gallbladder, or no duct that leads from it to another.
     """
 
-    def __init__(self, tissue: SpatialTissue) -> None:
+    def __init__(self, tissue: "SpatialTissue") -> None:
         anatomy = tissue.specimen.anatomy
         if anatomy is None:
             raise ValueError("a critical view of safety needs an anatomy, not a single duct")
         self._tissue = tissue
         self.gallbladder, self.cystic, self.common = _named(anatomy)
-        # Each structure that enters the gallbladder, and the end of it that does.
         entering = [
             (join.tube, join.end) for join in anatomy.join if join.to == self.gallbladder
         ] + [
@@ -121,7 +123,8 @@ class Safety:
         )
         self._triangle = self._inside(anatomy)
         self._all = {name: on(name, 0.0, tube.span) for name, tube in tubes.items()}
-        self._ends = dict(entering)
+        self.entering = dict(entering)
+        """Each structure that enters the gallbladder, and the end of it that does."""
 
     def _inside(self, anatomy: Anatomy) -> Mask:
         """Return which strands lie in the triangle of junction, neck and hilum at rest."""

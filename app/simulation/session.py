@@ -442,7 +442,12 @@ class Session:
     def _take_bed_of(self, exercise: Exercise) -> None:
         """Put the duct into an exercise's bed, if it is in another."""
         specimen, opening = self.specimen, exercise.opening
-        if opening is not None:
+        if opening is not None and opening.anatomy is not None:
+            wanted = opening.anatomy
+            whole = anatomy_named(wanted) if isinstance(wanted, str) else wanted
+            if specimen.anatomy != whole:
+                raise ValueError(f"{exercise.title} is done at the anatomy {whole.name!r}: open it")
+        elif opening is not None:
             bed = bed_named(opening.bed) if isinstance(opening.bed, str) else opening.bed
             if (specimen.bed, specimen.bed_seed) != (bed, opening.bed_seed):
                 threshold = self.tissue.threshold if specimen.theory is None else None
@@ -529,7 +534,11 @@ class Session:
                     f"seed {start.bed_seed} gives other strands here than where the run was made"
                 )
             opening = None if log.exercise is None else log.exercise.opening
-            if opening is not None and (opening.bed, opening.bed_seed) != (bed, start.bed_seed):
+            if (
+                opening is not None
+                and opening.bed is not None
+                and ((opening.bed, opening.bed_seed) != (bed, start.bed_seed))
+            ):
                 raise RunFileError("the run's exercise is of another bed than the run")
         return session
 

@@ -69,8 +69,8 @@ of the class that is meant, and none passes. Of 240 runs of good hands in beds 4
 
 The same author wrote the faults and their finder, and every hand here is a script: whether
 raters see the same errors in people's runs has not been measured. Errors of several tubes are
-tried by a few scripts only. Errors of clips, of dividing too early, of a grasper that slips and of
-instruments outside a laparoscope's picture are not found yet.
+tried by a few scripts only. Errors of a grasper that slips and of instruments outside a
+laparoscope's picture are not found yet.
 
 ## Sources
 

@@ -19,6 +19,7 @@ CLOSED_AFTER = 0.4
 MODES: dict[int, str] = {
     2: "step done in part",
     3: "step repeated or carried on",
+    6: "step out of order",
     7: "too much speed, force or distance",
     9: "wrong direction or place",
     10: "wrong object",
@@ -111,6 +112,29 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "Follow a structure both ways before you take hold of it.",
             (LEAST_PULL,),
             if_named=True,
+        ),
+        ErrorClass(
+            "clip_wrong_tube", "Clipped or divided a wrong tube", 10,
+            "a clip or a division is on a tube that the exercise is not about",
+            "at {t:.1f} s you {did} the {name} at {x:.0f} mm, which is not to be closed here",
+            "Show both ends of a structure before you close it.",
+            if_named=True,
+        ),
+        ErrorClass(
+            "divided_before_view", "Divided before the critical view", 6,
+            "a tube that enters the gallbladder is divided while the critical view of safety has "
+            "fewer than `points`",
+            "at {t:.1f} s you divided the {name} with {n:.0f} of 6 points of the critical view",
+            "Free both structures, the triangle and the lower plate first.",
+            (Parameter("points", "", 5.0, "Strasberg and Brunt 2010: all three parts, one short"),),
+        ),
+        ErrorClass(
+            "clip_short", "Divided with too few clips", 2,
+            "a tube that enters the gallbladder is divided with fewer than `clips` on the side "
+            "that stays",
+            "at {t:.1f} s you divided the {name} with {n:.0f} clips on the side that stays",
+            "Put two clips on the side that stays before you divide.",
+            (Parameter("clips", "", 2.0, "two on the side that stays, as is taught"),),
         ),
         ErrorClass(
             "unattended_bleeding", "Went on while a vessel bled", 2,

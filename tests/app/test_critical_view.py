@@ -1,0 +1,78 @@
+"""The exercise *Critical view*, and errors of clips and divisions."""
+
+import pytest
+from test_performance import clipped
+
+from app.anatomy import anatomy_named
+from app.simulation import (
+    FEW,
+    Replay,
+    Session,
+    Specimen,
+    exercises_offered,
+    read_run,
+    run_json,
+)
+
+
+def begun(tube: str = "gallbladder", station: float = 20.0) -> Session:
+    """A session in which the exercise was started, with a hold taken."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    (exercise,) = exercises_offered(session)
+    assert exercise.about is not None
+    assert set(exercise.about) == {"gallbladder", "cystic", "artery"}
+    session.start_exercise(exercise)
+    assert session.grab(0, station, session.spatial.tubes.names.index(tube)) is not None
+    return session
+
+
+def test_the_critical_view_is_passed_when_all_has_parted_and_nothing_tore() -> None:
+    session = begun()
+    session.advance(12)
+    assert session.run.standing.startswith("0 of 5 points; parted about the structures 0 %")
+    beam = session.spatial.beam
+    for name in ("cystic", "artery", "gallbladder"):
+        beam.break_between(0.0, beam.network.tubes[name].span, name)
+    session.advance(12)
+    outcome = session.run.outcome
+    assert outcome is not None
+    assert outcome.passed, outcome
+    assert outcome.reason.startswith("Reached 5 of 6 points with nothing torn, at no more than ")
+
+
+def lifted(session: Session) -> str:
+    """Lift until the exercise is over; the reason."""
+    for _ in range(900):
+        x, y, z = session.spatial.hands[0].target.tolist()
+        session.move_hand(0, (x, y, z + 0.2))
+        session.advance()
+        if session.run.over:
+            assert session.run.outcome is not None
+            assert not session.run.outcome.passed
+            return session.run.outcome.reason
+    raise AssertionError("it does not end")
+
+
+def test_it_fails_by_a_wrong_structure_and_by_a_vessel_that_is_pulled_off() -> None:
+    assert "you pulled on the common with" in lifted(begun("common", 15.0))
+    session = begun("artery", 10.0)
+    reason = lifted(session)
+    assert reason.startswith("At "), reason
+    assert "the artery tore at" in reason
+    assert {"tear", "tension_on_vessel"} <= {each.error for each in session.run.incidents()}
+    kept = read_run(run_json(session.run_file()))
+    again = Replay(kept.log, session.spatial.dissection.organ)
+    assert kept.agrees_with(again.run_file())
+    assert again.incidents() == session.run.incidents()
+
+
+def test_a_duct_that_is_divided_too_early_and_with_too_few_clips_is_two_errors() -> None:
+    for clips, number in ((True, 1.0), (False, 0.0)):
+        session = clipped(clips=clips)
+        found = {each.error: each for each in session.run.incidents()}
+        tube = session.spatial.tubes.names.index("cystic")
+        assert found["clip_short"].values["n"] == number
+        assert found["clip_short"].tube == found["divided_before_view"].tube == tube
+        assert found["clip_short"].station_mm == pytest.approx(12.0, abs=1.0)
+        assert "with 0 of 6 points" in found["divided_before_view"].sentence
+        assert "clip_wrong_tube" not in found, "no exercise says which is wrong"
