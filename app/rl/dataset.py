@@ -9,7 +9,6 @@ already are kept, so that one that was ended goes on.
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -43,19 +42,13 @@ class Maker:
     tremor: float = 0.0
     seeds: Sequence[int] = field(default_factory=tuple[int, ...])
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in self.__dict__.items() if key != "_env"}
-
-    @cached_property
-    def _env(self) -> DissectionEnv:
-        return DissectionEnv(**self.arguments)
-
     def __call__(self, number: int) -> str:
         """Make the episode of a number, if it is not there; return what is wrong, or nothing."""
         place = Path(self.folder, "data", str(number))
         if (place / "metadata.json").exists():
             return ""
-        env, seed = self._env, self.seeds[number]
+        # One of its own: a worker of Dask's may have several threads.
+        env, seed = DissectionEnv(**self.arguments), self.seeds[number]
         made = demonstrate(env, seed, manner=self.manner, tremor=self.tremor)
         assert env.episode is not None  # noqa: S101
         run = env.run_file()

@@ -89,11 +89,27 @@ def test_a_data_set_that_was_ended_goes_on(made: Path) -> None:
     before, again = kept.stat().st_mtime_ns, lost.read_bytes()
     lost.with_name("metadata.json").unlink()
     lost.write_bytes(b"half")
-    make_dataset(made, "bluntdissect/window-v0", WINDOW, range(21, 24), tremor=0.1)
+    make_dataset(made, "bluntdissect/window-v0", WINDOW, range(21, 24), tremor=0.1, workers=2)
     assert kept.stat().st_mtime_ns == before
     assert lost.read_bytes() == again
     with pytest.raises(ValueError, match=r"made otherwise \(algorithm_name\)"):
         make_dataset(made, "bluntdissect/window-v0", WINDOW, range(21, 24), tremor=0.2)
+
+
+@pytest.mark.long
+def test_a_dask_cluster_makes_the_same_files(made: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=2, processes=False, dashboard_address=None
+    ) as cluster:
+        make_dataset(
+            tmp_path, "bluntdissect/window-v0", WINDOW, range(21, 24), tremor=0.1,
+            scheduler=cluster.scheduler_address,
+        )  # fmt: skip
+    for number in range(3):
+        for name in ("part-0.parquet", "metadata.json"):
+            mine = tmp_path / "data" / str(number) / name
+            assert mine.read_bytes() == (made / "data" / str(number) / name).read_bytes()
 
 
 @pytest.mark.long
