@@ -30,6 +30,7 @@ from benchmarks.exact_beam import exact_engines
 from benchmarks.geometry import measure_geometry, plain_table
 from benchmarks.haptic_servo import measure_haptics
 from benchmarks.peers import peer_engines
+from benchmarks.policy_speed import measure_policies
 from benchmarks.session_step import step_figures
 from benchmarks.skinning import export_figures, skinning_figures
 from benchmarks.spring_chain import spring_chain_engine
@@ -152,6 +153,7 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
     "bed": measure_bed,
     "exercises": measure_exercises,
     "study": measure_study,
+    "policies": measure_policies,
 }
 
 

@@ -6,7 +6,6 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from app.rl.picture import Camera
 from app.rl.task import OBSERVATIONS, PIXELS, VERTICES, Task
 from app.simulation import (
     HOLDING,
@@ -38,7 +37,7 @@ class Episode:
         self.session = Session(task.specimen, vertices=VERTICES)
         self.reset(int(task.seeds[0]))
         self.bounds = task.bounds(self._tissue.beam.stations.size)
-        self._camera = Camera(*task.picture, task.specimen.beam.span, task.camera)
+        self._camera = task.view(*task.picture) if PIXELS in self.bounds else None
 
     @property
     def _tissue(self) -> SpatialTissue:
@@ -86,7 +85,8 @@ class Episode:
                 holder = self._tissue.hands[hand]
                 a, b, c = holder.target.tolist()
                 session.move_hand(hand, (a + x, b + y, c + z))
-                session.open_jaws(hand, holder.target_opening + opened)
+                if opened:
+                    session.open_jaws(hand, holder.target_opening + opened)
             try:
                 session.advance()
             except NoEquilibrium:  # the duct is lost: nothing is known of it any more
@@ -134,7 +134,7 @@ class Episode:
         task, run = self.task, self.session.run
         self._parted = self._tissue.freed_at(task.bins)
         goal = task.goal
-        within = self._parted[(task.bins >= goal.from_mm) & (task.bins <= goal.to_mm)]
+        within = self._parted[task.within]
         asked = goal.length_mm / (goal.to_mm - goal.from_mm)
         return {
             "progress": run.progress,
@@ -170,7 +170,7 @@ class Episode:
 
     def observe(self, out: Observation) -> None:
         """Write what is observed to arrays of the observation space."""
-        if PIXELS in out:
+        if self._camera is not None:
             self._camera.take(self._tissue, out[PIXELS])
         if "hands" in out:
             self._write_state(out)
@@ -196,5 +196,5 @@ class Episode:
 
     def picture(self, height: int = 240, width: int = 320) -> NDArray[np.uint8]:
         """Return a picture, (height, width, 3)."""
-        camera = Camera(height, width, self.task.specimen.beam.span, self.task.camera)
-        return camera.take(self._tissue, np.zeros((height, width, 3), np.uint8))
+        pixels = np.zeros((height, width, 3), np.uint8)
+        return self.task.view(height, width).take(self._tissue, pixels)

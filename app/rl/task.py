@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from app.rl.picture import Pose
+from app.rl.picture import Camera, Pose
 from app.simulation import (
     HAND_SPEED,
     HANDS,
@@ -207,7 +207,7 @@ class Task:
                 raise ValueError(f"reward has {name!r}; its terms are {_lists(list(REWARDS))}")
             if not math.isfinite(weight):
                 raise ValueError(f"reward's {name} must be a finite number, got {weight}")
-        _ = self.goal
+        _ = self.goal, self.view(*self.picture)  # they look whether they make sense
         allowed, chosen = self.asked.instruments, self.instruments
         if chosen is not None and chosen != "free":
             if isinstance(chosen, str) or len(chosen) != self.hands:
@@ -269,6 +269,15 @@ class Task:
     def bins(self) -> NDArray[np.float64]:
         """(B,) middles of the mm of the duct at which strands are observed, mm."""
         return np.arange(max(1, round(self.specimen.beam.span)), dtype=np.float64) + 0.5
+
+    @cached_property
+    def within(self) -> NDArray[np.bool_]:
+        """(B,) whether they are within the goal."""
+        return (self.bins >= self.goal.from_mm) & (self.bins <= self.goal.to_mm)
+
+    def view(self, height: int, width: int) -> Camera:
+        """Return the camera, for pictures of a size."""
+        return Camera(height, width, self.specimen.beam.span, self.camera)
 
     @cached_property
     def actions(self) -> int:

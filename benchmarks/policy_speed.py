@@ -1,0 +1,110 @@
+"""How fast environments for policies go: alone, side by side, and what Python takes of it."""
+
+import copy
+import os
+import time
+import tracemalloc
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from app.rl.environment import DissectionEnv, DissectionVectorEnv
+from app.rl.episode import Episode
+from app.rl.task import Task
+from app.simulation import TICK_SECONDS
+from app.workers import cores
+
+__all__ = ["measure_policies"]
+
+SECONDS, WARM, COUNTS, EPISODES = 3.0, 20, (8, 16), 8
+SUBSTEPS = 8  # of a tick of the session
+
+
+def _alone() -> dict[str, float]:
+    """Random hands in one environment; the physics alone is timed on copies on the way."""
+    env = DissectionEnv()
+    env.action_space.seed(1)
+    actions = [env.action_space.sample() for _ in range(200)]
+    env.reset(seed=1)
+    for action in actions[:WARM]:
+        env.step(action)
+    assert env.episode is not None
+    ticks, steps, physics, copies = 0, 0, 0.0, 0
+    start = time.process_time()
+    aside = 0.0
+    while time.process_time() - start - aside < SECONDS:
+        *_, terminated, truncated, _ = env.step(actions[steps % len(actions)])
+        steps, ticks = steps + 1, ticks + env.task.ticks_per_step
+        if terminated or truncated:
+            env.reset()
+        elif steps % 10 == 0:
+            before = time.process_time()
+            beam = copy.deepcopy(env.episode.session.spatial.beam)
+            once = time.process_time()
+            beam.tick(TICK_SECONDS, ticks=SUBSTEPS)
+            physics, copies = physics + time.process_time() - once, copies + 1
+            aside += time.process_time() - before
+    seconds = time.process_time() - start - aside
+    return {
+        "ticks_per_cpu_second": ticks / seconds,
+        "tick_ms": 1e3 * seconds / ticks,
+        "physics_ms": 1e3 * physics / copies,
+    }
+
+
+def _side_by_side(count: int, threads: int) -> dict[str, float]:
+    envs = DissectionVectorEnv(count, threads=threads)
+    envs.action_space.seed(1)
+    actions = [envs.action_space.sample() for _ in range(100)]
+    envs.reset(seed=1)
+    for action in actions[:WARM]:
+        envs.step(action)
+    steps, start, busy = 0, time.perf_counter(), time.process_time()
+    while time.perf_counter() - start < SECONDS:
+        envs.step(actions[steps % len(actions)])
+        steps += 1
+    seconds, busy = time.perf_counter() - start, time.process_time() - busy
+    envs.close()
+    ticks = count * steps * envs.task.ticks_per_step
+    return {"ticks_per_second": ticks / seconds, "cores_used": busy / seconds}
+
+
+def _megabytes() -> float:
+    task = Task()
+    first = Episode(task)
+    first.act(np.zeros(task.size))
+    tracemalloc.start()
+    kept = [Episode(task) for _ in range(EPISODES)]
+    for each in kept:
+        each.act(np.zeros(task.size))
+    size = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    return size / EPISODES / 1e6
+
+
+def measure_policies(console: Console) -> dict[str, Any]:
+    """Print and return how fast environments go, and the memory of a bed."""
+    with console.status("Timing environments ..."):
+        alone, megabytes = _alone(), _megabytes()
+        found = {
+            f"{count} with {threads}": _side_by_side(count, threads)
+            for count in COUNTS
+            for threads in sorted({1, cores()})
+        }
+    share = 1.0 - alone["physics_ms"] / alone["tick_ms"]
+    console.print(
+        f"One environment: {alone['ticks_per_cpu_second']:,.0f} ticks of 1/30 s a second of one "
+        f"core, {alone['tick_ms']:.2f} ms each, of which the physics is "
+        f"{alone['physics_ms']:.2f} ms and all else {100.0 * share:.0f} %; "
+        f"{megabytes:.2f} MB a bed; load {os.getloadavg()[0]:.1f}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    for name, each in found.items():
+        console.print(
+            f"{name} threads: {each['ticks_per_second']:,.0f} ticks a second on "
+            f"{each['cores_used']:.2f} cores",
+            highlight=False,
+        )
+    return {"alone": alone, "megabytes": megabytes, "side_by_side": found}
