@@ -45,6 +45,10 @@ class Taker(Protocol):
         """1 less the stress over the threshold, now."""
         ...
 
+    def holding_beside(self, low: float, high: float) -> tuple[int, float] | None:
+        """Return how many strands hold next to the longest free stretch, and where, mm."""
+        ...
+
     def critical_view(self) -> CriticalView:
         """Return the critical view of safety now; a `ValueError` where there is none."""
         ...

@@ -24,6 +24,8 @@ __all__ = ["DissectionMeasureTaker", "DissectionMeasures", "DissectionTear"]
 
 Floats = NDArray[np.float64]
 
+BESIDE_MM = 2.0
+"""mm next to a free stretch whose strands are counted."""
 LEAST_FORCE = 1e-3
 """N. A smaller force has no direction worth measuring."""
 
@@ -244,6 +246,25 @@ class DissectionMeasureTaker:
     def distance_to_break(self) -> float:
         """1 less the stress over the threshold, now."""
         return 1.0 - self.duct.stress_ratio
+
+    def holding_beside(self, low: float, high: float) -> tuple[int, float] | None:
+        """Return how many strands hold next to the longest free stretch, and where, mm."""
+        # Of both of its ends, that which fewer hold; None without a stretch.
+        inside = [
+            (max(a, low), min(b, high)) for a, b in self.stretches if min(b, high) > max(a, low)
+        ]
+        if not inside:
+            return None
+        a, b = max(inside, key=lambda each: each[1] - each[0])
+        surface = self.duct.surface
+        stations = surface.strands.stations / surface.scale
+        whole = stations[self.duct.beam.damage[self.duct.tubes.strands_of[0]] < 1.0]
+        found: list[tuple[int, float]] = []
+        for start, end in ((a - BESIDE_MM, a), (b, b + BESIDE_MM)):
+            count = int(((whole >= start) & (whole < end)).sum())
+            if count and low <= start and end <= high:
+                found.append((count, 0.5 * (start + end)))
+        return min(found, default=None)
 
     def critical_view(self) -> CriticalView:
         """Return the critical view of safety now; a `ValueError` where there is none."""

@@ -33,6 +33,7 @@ FADE_SECONDS = 30.0
 """s after which fading feedback is gone."""
 # s. Fading feedback is shown once in each period, for a shorter part each time.
 FADE_PERIOD = 3.0
+HANDS = 2
 FRACTIONS = ("peak_stress_ratio", "smallest_distance_to_break")
 """Metrics from 0 to 1: a limit at either end limits nothing, or all."""
 
@@ -45,6 +46,8 @@ class Limit(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
     at_end: bool = False  # judged once the goal is reached only
 
     def __post_init__(self) -> None:
+        # A whole number is written as one, and read as another kind of number.
+        msgspec.structs.force_setattr(self, "value", float(self.value))
         if self.of in ERROR_CLASSES:
             if not (self.value >= 0.0 and float(self.value).is_integer()):
                 raise ValueError(f"{self.of} must be 0 or more incidents, got {self.value:g}")
@@ -95,10 +98,16 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     limits: tuple[Limit, ...] = ()  # in the order in which they are looked at
     opening: Opening | None = None
     instruments: tuple[Instrument, ...] = INSTRUMENTS
+    in_hand: tuple[Instrument, ...] = ()  # what each hand has at the start, if not the usual
     about: tuple[str, ...] | None = None  # names of the tubes that it is about; None: any
     time_limit_s: float = 60.0
 
     def __post_init__(self) -> None:
+        for each in self.in_hand:
+            if each not in self.instruments:
+                raise ValueError(f"in_hand has {each!r}, which is none of instruments")
+        if len(self.in_hand) > HANDS:
+            raise ValueError(f"in_hand must be of {HANDS} hands at most, got {self.in_hand}")
         if not 0.0 < self.goal.least_seconds <= self.time_limit_s <= LONGEST_SECONDS:
             raise ValueError(
                 f"time_limit_s must be at most {LONGEST_SECONDS:g} s and long enough for the "

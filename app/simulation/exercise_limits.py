@@ -91,6 +91,7 @@ def _exercise(
         limits=(Limit("tear", 0), *(Limit(each, 0) for each in kind.errors), *limits),
         opening=opening,
         instruments=kind.instruments,
+        in_hand=kind.in_hand,
         time_limit_s=kind.time_limit_s,
     )
 

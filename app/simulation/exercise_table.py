@@ -15,6 +15,7 @@ class ExerciseKind:
     method: str
     errors: tuple[str, ...]  # classes that fail it
     instruments: tuple[Instrument, ...] = INSTRUMENTS
+    in_hand: tuple[Instrument, ...] = ()  # at the start, if not the usual
     time_limit_s: float = 60.0
     spare: float = 1.0
 
@@ -26,7 +27,7 @@ WITH_JAWS = (
 EXERCISES: dict[str, ExerciseKind] = {
     "window": ExerciseKind(
         "Open a window", "pass the dissector behind it and open the jaws",
-        WITH_JAWS, time_limit_s=120.0, spare=1.1,
+        WITH_JAWS, in_hand=("hook", "dissector"), time_limit_s=120.0, spare=1.1,
     ),
     "follow_front": ExerciseKind(
         "Follow the front",
@@ -38,7 +39,8 @@ EXERCISES: dict[str, ExerciseKind] = {
     "free_scar": ExerciseKind(
         "Free a scar with two hands",
         "hold it up with one hand and open the dissector behind the scar with the other",
-        ("no_traction", "traction_lost", *WITH_JAWS), time_limit_s=120.0, spare=1.12,
+        ("no_traction", "traction_lost", *WITH_JAWS), in_hand=("grasper", "dissector"),
+        time_limit_s=120.0, spare=1.12,
     ),
     "critical_view": ExerciseKind(
         "Critical view",

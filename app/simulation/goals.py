@@ -235,6 +235,8 @@ class _Freeing:
 
     def __init__(self, goal: FreeLength) -> None:
         self._goal, self._before = goal, -1.0
+        self._seen: object = None
+        self._holding: tuple[int, float] | None = None
         self._show(0.0, 0.0)
 
     def take(self, taker: "Taker") -> bool:
@@ -244,6 +246,10 @@ class _Freeing:
         freed = self._goal.freed(stretches)
         if self._before < 0.0:
             self._before = total - freed  # a divided duct's end is free at the start
+        if taker.stretches is not self._seen:
+            self._seen = taker.stretches
+            goal = self._goal
+            self._holding = taker.holding_beside(goal.from_mm, goal.to_mm)
         self._show(freed, total - freed - self._before)
         # Bins are whole, so lengths differ from the goal by rounding only.
         return freed >= self._goal.length_mm - 1e-6
@@ -255,6 +261,8 @@ class _Freeing:
         self.standing = self.so_far = f"{freed:.0f} of {goal.length_mm:.0f} mm free{where}"
         if elsewhere >= LOST_MM:
             self.so_far += f"; {elsewhere:.0f} mm elsewhere do not count"
+        if self._holding is not None and freed < goal.length_mm:
+            self.standing += "; {} strands hold at {:.0f} mm".format(*self._holding)
 
 
 class BreakApart(

@@ -187,6 +187,9 @@ class MeasureTaker:
             threshold_MPa=check.threshold,
         )
 
+    def holding_beside(self, low: float, high: float) -> None:
+        """None: no strands hold a free duct."""
+
     def critical_view(self) -> CriticalView:
         """Raise a `ValueError`: a free duct alone has none."""
         raise ValueError("a critical view of safety needs an anatomy, not a single duct")

@@ -169,6 +169,7 @@ class SpatialTissue:
         opening = None if exercise is None else exercise.opening
         self._opened = None if opening is None else opening.opened_mm
         self.divided = opening is not None and opening.divided
+        self._in_hand = () if exercise is None else exercise.in_hand
         self._make_whole()
 
     def renew(self) -> list[tuple[int, Applied]]:
@@ -217,6 +218,9 @@ class SpatialTissue:
         self._still = True
         self._torn_ticks = 0
         self._forget_reading()
+        for hand, instrument in enumerate(self._in_hand):
+            if instrument != FIRST_INSTRUMENTS[hand]:
+                self.choose_instrument(hand, instrument)
 
     def parking(self, hand: int, instrument: Instrument) -> Floats:
         """Return where an instrument that touches nothing waits, (3,) mm."""
@@ -262,11 +266,15 @@ class SpatialTissue:
             place = np.minimum(np.maximum(values, low), high)
             if place.tolist() == self.hands[hand].target.tolist():
                 return None
+            if self.rods_of(hand):  # it may part strands before a hand takes hold
+                begin()
             self.move_hand(hand, place)
             return "move", _vector(place.tolist())
         if kind == "release":
             return ("release", ()) if self.release(hand) else None
         if kind == "open":
+            if self.hands[hand].instrument in JAWED:
+                begin()
             return self._open(hand, float(values[0]))
         if kind == "threshold" and self.tears[0] is None:
             low, high = self.threshold_range
@@ -430,6 +438,8 @@ class SpatialTissue:
     def put_hand(self, hand: int, place: Floats) -> None:
         """Put the tip of a hand that holds nothing somewhere at once, (3,) mm."""
         self.hands[hand].put(place)
+        for rod in self.touch(hand).rods:
+            self.beam.set_rod(*rod)
         self._forget_reading()
 
     def open_jaws(self, hand: int, opening: float) -> None:

@@ -1,8 +1,10 @@
 """Exercises in a bed: offered with limits from the duct and the bed, passed by good hands only."""
 
+import re
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 from simulated import bed_exercises, bed_session, phantom
 
@@ -123,6 +125,33 @@ def test_an_exercise_made_again_ends_with_the_same_words() -> None:
     session.reset()
     assert session.run.exercise is None
     assert session.reading().broken == 0
+
+
+def test_an_exercise_begins_with_the_right_instruments_and_says_what_still_holds() -> None:
+    session = session_in("normal", 1)
+    exercise = offered(session)["window"]
+    session.start_exercise(exercise)
+    hands = session.spatial.hands
+    assert [hand.instrument for hand in hands] == ["hook", "dissector"]
+    session.advance(30)
+    assert not session.run.started
+    # Its jaws part strands without a hold: time runs from the first way of theirs.
+    session.move_hand(1, hands[1].place + np.array([0.0, 0.1, 0.0]))
+    assert session.run.started
+    found: set[str] = set()
+    for _ in MANNERS["window"]["good"].inputs(session, exercise):
+        session.advance()
+        found.add(session.run.standing)
+        if session.run.over:
+            break
+    assert session.run.outcome is not None
+    assert session.run.outcome.passed
+    words = r"\d+ of 13 mm free in one stretch; \d+ strands hold at \d+ mm"
+    assert any(re.fullmatch(words, each) for each in found), found
+    run = session.run_file()
+    assert Replay(run.log, phantom(), vertices=300).run_file() == run
+    with pytest.raises(ValueError, match="in_hand has 'swab', which is none of instruments"):
+        msgspec.structs.replace(exercise, instruments=("hook",), in_hand=("swab",))
 
 
 def test_limits_follow_the_bed_and_not_its_seed() -> None:
