@@ -71,7 +71,7 @@ lint: $(VENV)/.tests $(VENV)/.readers
 	@if [ -x $(BIOME) ]; then $(BIOME) lint --error-on-warnings; \
 		else echo "The page's JavaScript is not linted: Biome is not here, which npm installs." >&2; fi
 
-# Off in .proselintrc.json: archaism ('Haply' is one to it), lexical_illusions (headings), spelling
+# Off in .proselintrc.json: archaism ('Haply' is one to it), lexical_illusions (headings), needless_variants ('clip applier'), spelling
 # ('--color' is an option), typography (plain quotes and dots) and weasel_words ('very large').
 prose: $(VENV)/.tests
 	@$(BIN)/proselint --config .proselintrc.json check *.md docs/*.md docs/tutorials/*.md

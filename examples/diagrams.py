@@ -100,11 +100,14 @@ def floors(found: dict[str, set[str]]) -> list[list[str]]:
     level: dict[str, int] = {}
 
     def height(name: str, above: tuple[str, ...] = ()) -> int:
-        if name in above:
-            raise ValueError(f"packages import each other in a circle: {' '.join((*above, name))}")
         if name not in level:
             level[name] = 1 + max(
-                (height(other, (*above, name)) for other in found[name]), default=-1
+                (
+                    height(other, (*above, name))
+                    for other in found[name]
+                    if other not in (*above, name)  # an import that closes a circle
+                ),
+                default=-1,
             )
         return level[name]
 
