@@ -56,7 +56,7 @@ def policy_actions(weights: Floats, found: Floats) -> NDArray[np.float32]:
 
 def search(exercise: str, seconds: float) -> dict[str, Any]:
     """Search for so many seconds; return what was tried, what passed, and cheats by error."""
-    import cma
+    import cma  # pyright: ignore[reportMissingImports]
 
     envs = DissectionVectorEnv(
         POPULATION,

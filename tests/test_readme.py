@@ -115,6 +115,8 @@ def test_peel_s_python_example_gives_its_figures(
 )
 def test_links_and_pictures_are_there(document: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)", document.read_text()):
+        if target.startswith("https://"):  # somebody else's page
+            continue
         assert (document.parent / target).exists(), target
 
 
