@@ -28,7 +28,7 @@ def perform(
 ) -> None:
     """Let scripted hands dissect an anatomy; say what tore, bled and was clipped, and what is safe.
 
-    Example: bluntdissect perform assets/scripts/careful.toml --anatomy normal --json
+    Example: bluntdissect perform assets/scripts/hasty.toml --anatomy normal --json
     """
     import msgspec
 
