@@ -69,6 +69,11 @@ def replay(
     elif frames is not None or edge_length is not None:
         raise ValueError("--frames and --edge-length are of a file that plays the run: give -o")
     original = read_run(read_bounded(run, MOST_BYTES, "run"))
+    if output is not None and original.log.start.anatomy is not None:
+        raise ValueError(
+            "this run is of an anatomy, which no file plays yet: leave out -o; --csv and --json "
+            "have what happened"
+        )
     if csv is not None:
         check_target(csv)
     shape = organ_from(organ)

@@ -1,11 +1,13 @@
 """Scripted hands at an anatomy: what ships, clips and divisions, and scripts that cannot be."""
 
+import json
 from functools import cache
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from program import refused, run
 
 from app.anatomy import anatomy_named
 from app.simulation import (
@@ -126,6 +128,21 @@ def test_a_performance_is_replayed_to_the_bit(name: str) -> None:
     again.seek_tick(run.log.ticks)
     assert run_json(again.run_file()) == run_json(run)
     assert again.session.spatial.events == session.spatial.events
+
+
+def test_the_command_replays_a_performance(tmp_path: Path) -> None:
+    """Its incidents come as JSON; what plays a run of one duct is refused in a sentence."""
+    session, _ = shipped("hasty")
+    file = tmp_path / "run.json"
+    file.write_bytes(run_json(session.run_file()))
+    made = run("replay", file, "--json")
+    assert made.returncode == 0, made.stderr
+    done = json.loads(made.stdout)
+    assert done["as_recorded"] is True
+    assert {"tear", "bleeding"} <= {each["error"] for each in done["incidents"]}
+    words = refused(["replay", file, "-o", tmp_path / "run.glb"])
+    assert "this run is of an anatomy" in words
+    assert not (tmp_path / "run.glb").exists()
 
 
 def clipped(*, clips: bool) -> Session:

@@ -161,7 +161,11 @@ class Incidents:
             end_s=found.end * TICK_SECONDS,
             hand=found.hand,
             tube=found.tube,
-            station_mm=found.station,
+            station_mm=None if found.station is None else float(found.station),
             consequence=CONSEQUENCES[found.consequence],
-            values=dict(found.values),
+            # Finders give numpy's numbers too, which no file can hold.
+            values={
+                key: value if isinstance(value, str | int) else float(value)
+                for key, value in found.values.items()
+            },
         )
