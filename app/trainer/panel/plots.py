@@ -166,8 +166,12 @@ def _add_plot(
     """Add a chart over time: curves by their colours, a limit as a line, a goal as a band."""
     if not time.size:  # the run was over before its first tick
         return
-    picked = np.unique(np.linspace(0, time.size - 1, min(time.size, MOST_POINTS)).round())
-    index = picked.astype(int)
+    even = np.linspace(0, time.size - 1, min(time.size, MOST_POINTS)).round().astype(int)
+    # A peak is what a limit is judged by: it is drawn, however long the run was.
+    extremes = [
+        end(np.nan_to_num(each)) for each in curves.values() for end in (np.argmax, np.argmin)
+    ]
+    index = np.unique(np.concatenate([even, extremes]))
     time, drawn = time[index], [values[index] for values in curves.values()]
     low, high = (np.nan, np.nan) if band is None else band
     ends = [np.full_like(time, each) for each in (high, low, np.nan if limit is None else limit)]
