@@ -119,7 +119,9 @@ def serve(where: Where, address: str | None) -> None:
         made.append(servo(setting))
         return made[-1]
 
-    trainer = Trainer(shipped_organ(), port=0, mode=where, haptics=kept)
+    trainer = Trainer(
+        shipped_organ(), port=0, scene="free" if where == "pull" else "bed", haptics=kept
+    )
     trainer.warm_up.done.wait()
     print(trainer.address, flush=True)
     for _ in sys.stdin:

@@ -16,7 +16,7 @@ import psutil
 from app.command_line.load import shipped_organ
 
 if TYPE_CHECKING:
-    from app.trainer.client.client_state import Mode
+    from app.trainer.client.practice import SceneName
     from app.trainer.server.trainer import Trainer
 
 __all__ = ["Served", "Takings", "served_trainer"]
@@ -55,7 +55,7 @@ class Served:
 
 @contextmanager
 def served_trainer(
-    *, mode: "Mode" = "pull", traced: bool = False, of_class: bool = False
+    *, mode: str = "pull", traced: bool = False, of_class: bool = False
 ) -> Iterator[Served]:
     """Run a trainer in a process of its own, whose pages open in a mode, if need be of a class."""
     # A client that leaves while it is being drawn is a warning of viser's, here by intent.
@@ -106,8 +106,8 @@ def main() -> None:
             from app.trainer.classroom.lesson import Lesson
 
             lesson = Lesson(ClassStore.new(Path(folder, "class.sqlite"), "Measured"), organ)
-        mode: Mode = "pull" if "pull" in sys.argv else "dissect"
-        trainer = Trainer(organ, port=0, mode=mode, lesson=lesson)
+        scene: SceneName = "free" if "pull" in sys.argv else "bed"
+        trainer = Trainer(organ, port=0, scene=scene, lesson=lesson)
         trainer.warm_up.done.wait()
         print(trainer.link, flush=True)
         for _ in sys.stdin:

@@ -15,7 +15,7 @@ import math
 import sys
 import time
 import timeit
-from typing import TYPE_CHECKING, Literal, cast
+from typing import Literal, cast
 
 import numpy as np
 
@@ -24,11 +24,9 @@ from benchmarks.page_protocol import Page, connected, cookie_of, hand_forces
 from benchmarks.served_trainer import Served, served_trainer
 from physics import Exact, NeoHooke
 
-if TYPE_CHECKING:
-    from app.trainer.client.client_state import Mode
-
 __all__ = ["CLIENTS", "Mix", "client_figures", "counted", "pulling"]
 
+Mode = Literal["pull", "dissect"]
 Mix = Literal["pull", "dissect", "mixed", "class"]
 """What clients do; every other one of a mix, or of a class, pulls."""
 
@@ -48,7 +46,7 @@ async def pulling(
     address: str,
     start: asyncio.Event,
     stop: asyncio.Event,
-    mode: "Mode" = "pull",
+    mode: Mode = "pull",
     trainee: tuple[str, str] | None = None,
 ) -> tuple[int, float]:
     """Pull or dissect as one client does, in a class as a trainee by a cookie and a name."""

@@ -28,11 +28,13 @@ def trainer(
             show_default="of BLUNTDISSECT_TOKEN; else made where --host needs one",
         ),
     ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(help="What the page opens on: bed, a duct in its bed, or free, one without."),
+    ] = None,
     mode: Annotated[
         str | None,
-        typer.Option(
-            help="What the page opens on: dissect, a duct in its bed, or pull, one without.",
-        ),
+        typer.Option(help="Older: dissect for --scene bed, pull for --scene free.", hidden=True),
     ] = None,
     exercise_inputs: Annotated[
         str,
@@ -63,8 +65,12 @@ def trainer(
 
     With --host 0.0.0.0 other machines get in too, by the link with a token that it prints.
     """
+    if scene is not None:
+        chosen("--scene", scene, ("bed", "free"))
     if mode is not None:
-        chosen("--mode", mode, ("dissect", "pull"))
+        scene = (
+            scene or {"dissect": "bed", "pull": "free"}[chosen("--mode", mode, ("dissect", "pull"))]
+        )
     chosen("--exercise-inputs", exercise_inputs, ("hand", "any"))
     token = _given_token(token_file)
     served = serving(**options)
@@ -76,7 +82,9 @@ def trainer(
     servo = None if haptics is None else _servo(devices, haptics_hand)
 
     def start() -> "Trainer":
-        return served.start(token=token, mode=mode, exercise_inputs=exercise_inputs, haptics=servo)
+        return served.start(
+            token=token, scene=scene, exercise_inputs=exercise_inputs, haptics=servo
+        )
 
     def say(running: "Trainer") -> None:
         print(f"The trainer is ready: {running.link}", flush=True)

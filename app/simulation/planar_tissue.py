@@ -14,6 +14,7 @@ from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import Grasper, Load
+from app.simulation.hand import Hand
 from app.simulation.inputs import InputKind, Instrument, TheoryChoice
 from app.simulation.measures import MeasureTaker
 from app.simulation.reading import Reading, Vector
@@ -118,10 +119,23 @@ class PlanarTissue:
         return GRASP_MARGIN * span, (1.0 - GRASP_MARGIN) * span
 
     @property
+    def own_threshold(self) -> float:
+        """The threshold of the preset by the theory, MPa."""
+        return self.model.threshold
+
+    @property
     def threshold_range(self) -> tuple[float, float]:
         """Smallest and largest threshold, MPa."""
         low, high = THRESHOLD_RANGE
         return low * self.model.threshold, high * self.model.threshold
+
+    @property
+    def hands(self) -> tuple[Hand, ...]:
+        """The one hand, whose hook is around the duct at the grasp until it is in two."""
+        whole = self.tear is None or self.tear.phase is Phase.TEARING
+        hand = Hand("hook", np.array(self.grasped.hook(float(whole))))
+        hand.node = 0 if whole else None
+        return (hand,)
 
     @property
     def moving(self) -> bool:

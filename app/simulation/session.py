@@ -122,9 +122,9 @@ class Session:
     @property
     def planar(self) -> PlanarTissue:
         """The duct in the plane of its pull; a `ValueError` if it is one in space."""
-        if not isinstance(self.tissue, PlanarTissue):
+        if (duct := self._in_plane) is None:
             raise ValueError("this duct is a beam in space: no theory of the plane solves it")
-        return self.tissue
+        return duct
 
     @property
     def spatial(self) -> SpatialTissue:
@@ -132,6 +132,10 @@ class Session:
         if not isinstance(self.tissue, SpatialTissue):
             raise ValueError("this duct is solved in the plane of its pull, not in space")
         return self.tissue
+
+    @property
+    def _in_plane(self) -> PlanarTissue | None:
+        return self.tissue if isinstance(self.tissue, PlanarTissue) else None
 
     # What the trainee does.
 
@@ -280,22 +284,22 @@ class Session:
     @property
     def ghost(self) -> Ghost | None:
         """The other theory's duct, while this one is whole."""
-        return self.planar.ghost
+        return None if (duct := self._in_plane) is None else duct.ghost
 
     @property
     def ghost_theory(self) -> Theory | None:
         """The theory that was chosen for the ghost, or None."""
-        return self.planar.ghost_theory
+        return None if (duct := self._in_plane) is None else duct.ghost_theory
 
     @property
     def chain(self) -> SwingingChain | None:
         """The chain of masses and springs beside the duct, while this one is whole."""
-        return self.planar.chain
+        return None if (duct := self._in_plane) is None else duct.chain
 
     def ghost_reading(self) -> GhostReading | None:
         """Return the ghost's reading; None without a ghost or an equilibrium of it."""
         with self._lock:
-            return self.planar.ghost_reading()
+            return None if (duct := self._in_plane) is None else duct.ghost_reading()
 
     def choose_ghost(self, theory: Theory | None) -> None:
         """Show a ghost by another theory under the same load, or none.
@@ -408,10 +412,10 @@ class Session:
         None without an exercise that waits or goes on, and for one that has no such goal.
         """
         with self._lock:
-            run = self.run
-            if run.exercise is None or run.over or run.exercise.opening is not None:
+            run, duct = self.run, self._in_plane
+            if duct is None or run.exercise is None or run.over or run.exercise.opening is not None:
                 return None
-            return self.planar.goal_of(run.exercise)
+            return duct.goal_of(run.exercise)
 
     def task_beam(self) -> GraspedBeam:
         """Return the beam that exercises of a duct in a plane are scaled for."""

@@ -159,6 +159,11 @@ class SpatialTissue:
         return GAP_MM if self.bed is None else self.bed.gap_mm
 
     @property
+    def own_threshold(self) -> float:
+        """The specimen's own threshold, MPa."""
+        return self.specimen.threshold
+
+    @property
     def threshold_range(self) -> tuple[float, float]:
         """Smallest and largest threshold, MPa."""
         low, high = THRESHOLD_RANGE
@@ -168,7 +173,7 @@ class SpatialTissue:
         """Make all whole and let go, as an exercise begins, or without one."""
         opening = None if exercise is None else exercise.opening
         self._opened = None if opening is None else opening.opened_mm
-        self.divided = opening is not None and opening.divided
+        self.divided: bool = opening is not None and opening.divided
         self._in_hand = () if exercise is None else exercise.in_hand
         self._make_whole()
 

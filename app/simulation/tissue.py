@@ -10,6 +10,7 @@ from app.simulation.attempt import Taker
 from app.simulation.dissection import Dissection
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
+from app.simulation.hand import Hand
 from app.simulation.inputs import InputKind, Instrument
 from app.simulation.reading import Reading, Vector
 from app.simulation.run_file import RunStart
@@ -27,6 +28,21 @@ class Tissue(Protocol):
 
     threshold: float
     """Stress at which the wall tears, MPa."""
+
+    @property
+    def own_threshold(self) -> float:
+        """The specimen's own threshold, MPa."""
+        ...
+
+    @property
+    def threshold_range(self) -> tuple[float, float]:
+        """Smallest and largest threshold, MPa."""
+        ...
+
+    @property
+    def hands(self) -> tuple[Hand, ...]:
+        """Its hands, each with its instrument, to be read only."""
+        ...
 
     @property
     def specimen(self) -> Specimen:

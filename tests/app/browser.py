@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -28,10 +28,10 @@ from projection import picture_points
 from viser import ClientHandle
 
 from app.simulation import Session
+from app.trainer.scene.tissue_scene import TissueScene
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import viewpoint
-from app.trainer.view.dissect_view import DissectView
-from app.trainer.view.pull_view import PullView
+from app.trainer.view.page_view import PageView
 from app.trainer.viser_bridge.page import run_in_page
 
 CAMERA = """() => {
@@ -91,7 +91,6 @@ AFTER_ITS_LAST = "() => new Promise(done => setTimeout(done, 60))"
 """Ends when the page has sent what was typed or moved in it: of all fields together viser sends one
 value in 50 ms, the last, and it is the page that counts them."""
 expect.set_options(timeout=PATIENCE)
-ViewT = TypeVar("ViewT", PullView, DissectView)
 
 
 def chromium() -> Path:
@@ -291,7 +290,7 @@ class TrainerPage:
         """(2, 3) where the page's camera is and what it looks at, mm on the stage."""
         return np.array(self.page.evaluate(CAMERA)).reshape(2, 3)
 
-    def wait_for_camera(self, view: PullView | DissectView, *, free: bool = False) -> np.ndarray:
+    def wait_for_camera(self, view: PageView, *, free: bool = False) -> np.ndarray:
         """Wait until the page shows the whole duct, and the trainer knows it; return `camera`.
 
         Until a moment later the trainer would put a camera back that has moved: `free` waits for
@@ -299,7 +298,7 @@ class TrainerPage:
         """
 
         def at_home() -> bool:
-            stage, told = view._scene._stage, view.client.camera
+            stage, told = scene_of(view)._stage, view.client.camera
             if stage is None or not stage._arrived:
                 return False
             if stage._looked_around:  # so seems a page that sets its own camera only now
@@ -428,25 +427,31 @@ class TrainerPage:
         self.page.locator(f"[data-testid=readout][data-force-n='{force:.6g}']").wait_for()
 
 
-def newest(trainer: Trainer) -> PullView:
-    """What the client that came last sees of its pull."""
-    return _newest(trainer, PullView)
+def scene_of(view: PageView) -> TissueScene:
+    """What draws the tissue of a page."""
+    assert isinstance(view._scene, TissueScene)
+    return view._scene
 
 
-def newest_dissection(trainer: Trainer) -> DissectView:
-    """What the client that came last sees of its dissection."""
-    return _newest(trainer, DissectView)
+def newest(trainer: Trainer) -> PageView:
+    """What the client that came last sees of a free duct."""
+    return _newest(trainer, "free")
 
 
-def _newest(trainer: Trainer, kind: type[ViewT]) -> ViewT:
+def newest_dissection(trainer: Trainer) -> PageView:
+    """What the client that came last sees of a duct in its bed."""
+    return _newest(trainer, "bed")
+
+
+def _newest(trainer: Trainer, scene: str) -> PageView:
     """Wait for the client's view: a page shows parts of it before the trainer has it whole."""
     end = time.monotonic() + PATIENCE / 1000
     while True:
         number = max(trainer._server.get_clients(), default=None)
         found = None if number is None else trainer._views.get(number)
-        if found is not None and isinstance(found.view, kind):
-            return found.view
-        assert time.monotonic() < end, f"the newest client shows {found and found.mode}"
+        if found is not None and found.scene == scene:
+            return found
+        assert time.monotonic() < end, f"the newest client shows {found and found.scene}"
         time.sleep(0.02)
 
 
@@ -461,7 +466,7 @@ def pass_ticks(tab: TrainerPage, trainer: Trainer, count: int = 2) -> None:
     tab.wait_until(lambda: trainer.timer.ticks >= until)
 
 
-def stop_time(tab: TrainerPage, trainer: Trainer, view: PullView | DissectView) -> None:
+def stop_time(tab: TrainerPage, trainer: Trainer, view: PageView) -> None:
     """Stop a session's time; at the end no tick that began before is at it, and a test may be."""
     view.state.paused = True
     pass_ticks(tab, trainer)

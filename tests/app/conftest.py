@@ -32,9 +32,9 @@ def drawing_browser() -> Iterator[Browser]:
 def trainer() -> Iterator[Trainer]:
     """The plain look; each page has a session of its own."""
     running = Trainer(
-        phantom(), port=0, look="plain", mode="pull", build_process=BuildProcess(seconds=600.0)
+        phantom(), port=0, look="plain", scene="free", build_process=BuildProcess(seconds=600.0)
     )
-    running.warm_up.wait("pull")
+    running.warm_up.wait("free")
     yield running
     running.stop()
 

@@ -14,7 +14,7 @@ from simulated import bed_exercises, bed_session, phantom
 
 from app.simulation import Session
 from app.simulation.scripted_hands import Follow
-from app.trainer.scene.bed_scene import BedScene, Colours
+from app.trainer.scene.tissue_scene import Colours, TissueScene
 from app.trainer.stage.lighting import Look
 
 PICTURE_ONLY = """new MutationObserver(() => {
@@ -121,7 +121,7 @@ def main(folder: Path, names: list[str], look: Look = "full") -> None:
             while not connected:
                 page.wait_for_timeout(100)
             session = bed_session(phantom())
-            scene = BedScene(connected[0], session, look)
+            scene = TissueScene(connected[0], session, look)
             for name in names or list(STATES):
                 act, colours = STATES[name]
                 session.choose_bed("normal")

@@ -11,7 +11,7 @@ from PIL import Image
 from screenshots import close_hint
 from simulated import phantom
 
-from app.trainer.client.dissect_state import DissectState
+from app.trainer.client.page_state import PageState
 from app.trainer.server.trainer import Trainer
 
 SIZE = (1240, 760)
@@ -22,7 +22,7 @@ DOTS = 0.8
 FRAME_MS = 90
 
 
-def frames(tab: TrainerPage, state: DissectState) -> Iterator[Image.Image]:
+def frames(tab: TrainerPage, state: PageState) -> Iterator[Image.Image]:
     """Lift the duct with a hook and spread its bed with a dissector, a picture at each step."""
     session = state.session
 

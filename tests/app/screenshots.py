@@ -83,12 +83,12 @@ def take_pull(trainer: Trainer, browser: Browser, folder: Path) -> None:
     """Take the picture of a pull in the colours of its stress."""
     width, height = WIDE
     with trainer_page(
-        browser, trainer.address, width=width, height=height, query="&mode=pull"
+        browser, trainer.address, width=width, height=height, query="&scene=free"
     ) as tab:
         tab.slide("Force F (N)", 3.0)
         tab.wait_for_force(3.0)
         tab.page.keyboard.press("Escape")
-        tab.tick("Stress (H)")
+        tab.press("Stress")
         take(tab, folder / "trainer-heat.jpg")
 
 

@@ -16,8 +16,8 @@ from program import LONGEST
 from simulated import bed_exercises, bed_session, phantom
 
 from app.simulation import Exercise, FreeLength, Instrument, Opening, Session, preset_named
-from app.trainer.scene.bed_scene import BedScene
 from app.trainer.scene.goal_band import GoalStretch
+from app.trainer.scene.tissue_scene import TissueScene
 from app.trainer.stage.strands import NUMBERS, PARTED
 from physics.bed import kernels
 
@@ -72,7 +72,7 @@ def sent(scene: viser.SceneApi, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     return messages
 
 
-def drawn_rows(drawn: BedScene, count: int) -> NDArray[np.float32]:
+def drawn_rows(drawn: TissueScene, count: int) -> NDArray[np.float32]:
     """Return what was sent last of each strand."""
     assert drawn._strands is not None
     header = drawn._session.spatial.beam.state.rods.size
@@ -82,7 +82,7 @@ def drawn_rows(drawn: BedScene, count: int) -> NDArray[np.float32]:
 def test_strands_are_drawn_where_they_hold_and_as_many_as_are_whole(
     client: viser.ClientHandle, session: Session
 ) -> None:
-    drawn = BedScene(client, session, "plain")
+    drawn = TissueScene(client, session, "plain")
     lift(session, 6.0)
     reading, beam = session.reading(), session.spatial.beam
     drawn.draw(reading)
@@ -112,7 +112,7 @@ def test_strands_are_drawn_where_they_hold_and_as_many_as_are_whole(
 def test_instruments_are_where_the_hands_have_them(
     client: viser.ClientHandle, session: Session, instrument: Instrument
 ) -> None:
-    drawn = BedScene(client, session, "plain")
+    drawn = TissueScene(client, session, "plain")
     put(session, instrument, np.array([20.0, -9.0, 7.0]), 6.0)
     drawn.draw(session.reading())
     shown = drawn._instruments[0]
@@ -127,7 +127,7 @@ def test_instruments_are_where_the_hands_have_them(
 
 
 def test_a_dissectors_jaws_lie_along_its_rods(client: viser.ClientHandle, session: Session) -> None:
-    drawn = BedScene(client, session, "plain")
+    drawn = TissueScene(client, session, "plain")
     put(session, "dissector", np.array([20.0, -14.0, -6.0]), 8.0)
     drawn.draw(session.reading())
     shown = drawn._instruments[0]
@@ -147,7 +147,7 @@ def test_a_dissectors_jaws_lie_along_its_rods(client: viser.ClientHandle, sessio
 def test_arrows_are_as_the_forces_and_are_hidden_with_the_figures(
     client: viser.ClientHandle, session: Session
 ) -> None:
-    drawn = BedScene(client, session, "plain")
+    drawn = TissueScene(client, session, "plain")
     lift(session, 6.0)
     reading = session.reading()
     drawn.draw(reading)
@@ -168,13 +168,13 @@ def test_arrows_are_as_the_forces_and_are_hidden_with_the_figures(
 def test_the_stretch_that_an_exercise_is_about_is_marked(
     client: viser.ClientHandle, session: Session
 ) -> None:
-    drawn = BedScene(client, session, "plain")
+    drawn = TissueScene(client, session, "plain")
     goal = FreeLength(9.0, 20.0, 31.0)
     scar = Exercise("free_scar", "Free a scar", goal, opening=Opening("scar", 1))
     drawn.draw(session.reading())
 
     def shown() -> GoalStretch | None:
-        return drawn._goal
+        return drawn._annotations._stretch
 
     assert shown() is None
     session.start_exercise(scar)
@@ -191,7 +191,7 @@ def test_the_stretch_that_an_exercise_is_about_is_marked(
 def test_nothing_is_sent_when_nothing_changes(
     client: viser.ClientHandle, session: Session, sent: list[Any]
 ) -> None:
-    drawn = BedScene(client, session, "full")
+    drawn = TissueScene(client, session, "full")
     lift(session, 4.0)
     drawn.draw(session.reading())
     before = len(sent)
@@ -207,7 +207,7 @@ def test_nothing_is_sent_when_nothing_changes(
 def test_both_looks_both_colours_and_a_tear_are_drawn_and_removed(
     client: viser.ClientHandle, session: Session, scene: viser.SceneApi
 ) -> None:
-    drawn = BedScene(client, session, "full")
+    drawn = TissueScene(client, session, "full")
     session.choose_bed("inflamed")
     lift(session, 16.0)
     assert session.reading().torn_at is not None
@@ -244,7 +244,7 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
         page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
         client = connected.get(timeout=LONGEST)
         session = bed_session(phantom(), vertices=600)
-        drawn = BedScene(client, session, "plain")
+        drawn = TissueScene(client, session, "plain")
         lift(session, 7.0)
         reading = session.reading()
         drawn.draw(reading)
@@ -301,7 +301,7 @@ def test_a_divided_duct_is_drawn_without_its_second_clamp(
     front = next(each for each in bed_exercises(session) if each.name == "follow_front")
     assert isinstance(front.goal, FreeLength)
     front_length = front.goal.length_mm
-    scene = BedScene(client, session, "full")
+    scene = TissueScene(client, session, "full")
     stubs: list[list[int]] = []
     for exercise in (None, front):
         if exercise is not None:
@@ -313,8 +313,8 @@ def test_a_divided_duct_is_drawn_without_its_second_clamp(
         stubs.append([len(each) for each in drawn.contact.stubs])
     assert stubs[0][0] == stubs[0][1] == stubs[1][0] > 0
     assert stubs[1][1] == 0, "nothing is pinched at the end that is free"
-    assert scene._goal is not None
-    marked = scene._goal._parts[0].points[..., 0]
+    assert scene._annotations._stretch is not None
+    marked = scene._annotations._stretch._parts[0].points[..., 0]
     assert marked.max() - marked.min() == pytest.approx(front_length, abs=1e-3)
     session.reset()
     scene.draw(session.reading())

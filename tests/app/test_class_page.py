@@ -39,7 +39,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def running(path: Path) -> Iterator[Trainer]:
     trainer = opened(path, free_port())
-    trainer.warm_up.wait("dissect")
+    trainer.warm_up.wait("bed")
     yield trainer
     trainer.stop()
 

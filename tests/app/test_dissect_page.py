@@ -12,24 +12,24 @@ from projection import picture_points
 from simulated import bed_exercises, bed_session, phantom
 
 from app.simulation import MANNERS, Feedback, Hand, Session, bed_named, perform
-from app.trainer.client.dissect_state import NUDGE
-from app.trainer.client.replay_playback import ReplayPlayback
+from app.trainer.client.page_state import NUDGE
+from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.scene import drag_proxy
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import Viewpoint
-from app.trainer.view.dissect_view import DissectView
+from app.trainer.view.page_view import PageView
 
 
 @pytest.fixture(scope="module")
 def dissections() -> Iterator[Trainer]:
     """A trainer as it starts by itself, in the plain look."""
     running = Trainer(phantom(), port=0, look="plain")
-    running.warm_up.wait("dissect")
+    running.warm_up.wait("bed")
     yield running
     running.stop()
 
 
-def pixel(tab: TrainerPage, view: DissectView, place: np.ndarray) -> tuple[float, float]:
+def pixel(tab: TrainerPage, view: PageView, place: np.ndarray) -> tuple[float, float]:
     """Where a place of the duct's frame is in the window, px."""
     canvas = tab.page.locator("canvas[data-engine]").bounding_box()
     assert canvas is not None
@@ -46,7 +46,7 @@ def pixel(tab: TrainerPage, view: DissectView, place: np.ndarray) -> tuple[float
 def drag(
     tab: TrainerPage,
     trainer: Trainer,
-    view: DissectView,
+    view: PageView,
     place: np.ndarray,
     way: tuple[float, float],
     button: Literal["left", "right"] = "left",
@@ -69,13 +69,13 @@ def still(session: Session) -> bool:
     return all(hand.arrived for hand in session.spatial.hands)
 
 
-def playback(view: DissectView) -> ReplayPlayback:
+def playback(view: PageView) -> ReplayPlayback | LivePlayback:
     found = view.state.playback
     assert found is not None
     return found
 
 
-def aside(view: DissectView, station: float) -> np.ndarray:
+def aside(view: PageView, station: float) -> np.ndarray:
     """A place of the duct's wall that the viewer sees and no instrument covers."""
     radius = view.session.tissue.dissection.organ.mean_radius
     return np.array([station, -0.7 * radius, 0.0])
@@ -276,7 +276,7 @@ def test_a_bed_is_chosen_with_its_source_and_its_number(
     with trainer_page(browser, dissections.address) as tab:
         view = newest_dissection(dissections)
         session, firm = view.session, bed_named("firm")
-        tab.open("Bed")
+        tab.open("Model")
         tab.choose("Bed", firm.title)
         tab.wait_until(lambda: session.spatial.bed == firm)
         expect(tab.page.get_by_text(firm.source.split(",")[0])).to_be_visible()
@@ -307,7 +307,7 @@ def test_the_page_changes_between_dissect_and_pull_and_a_reload_finds_both(
         tab.wait_until(lambda: still(session) and session.reading().broken > 0)
         parted = session.reading().broken
 
-        tab.press("Pull")
+        tab.press("A free duct")
         tab.page.get_by_role("tab", name="Compare").wait_for()
         tab.wait_for_node("skin")
         pull = newest(dissections).session
@@ -321,18 +321,17 @@ def test_the_page_changes_between_dissect_and_pull_and_a_reload_finds_both(
         tab.wait_for_force(1.5)
         assert newest(dissections).session is pull
         tab.page.keyboard.press("m")
-        tab.page.get_by_role("tab", name="Bed").wait_for()
         assert newest_dissection(dissections).session is session
         tab.wait_until(lambda: tab.figure("parted") == parted)
 
         tab.page.reload()
-        tab.page.get_by_role("tab", name="Bed").wait_for()
+        tab.page.get_by_role("button", name="Swab").first.wait_for()
         tab.wait_until(lambda: tab.figure("parted") == parted)
         assert newest_dissection(dissections).session is session
 
 
 def test_the_address_says_what_a_page_opens_on(browser: Browser, dissections: Trainer) -> None:
-    with trainer_page(browser, dissections.address, query="&mode=pull") as tab:
+    with trainer_page(browser, dissections.address, query="&scene=free") as tab:
         expect(tab.page.get_by_role("tab", name="Compare")).to_be_visible()
         newest(dissections)
 
@@ -469,6 +468,6 @@ def test_figures_hidden_in_an_exercise_are_hidden(browser: Browser, dissections:
         tab.page.locator("[data-testid=readout][data-hidden='1']").wait_for()
         expect(tab.page.get_by_test_id("heat-legend")).to_have_count(0)
         tab.wait_until(lambda: not tab.charts())
-        tab.press("Pull")  # an exercise is not left by the way
+        tab.press("A free duct")  # an exercise is not left by the way
         expect(tab.page.get_by_text("An exercise goes on until it is over")).to_be_visible()
         assert newest_dissection(dissections) is view

@@ -15,9 +15,8 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.pull_export import PullExport
 from app.simulation import Session, Specimen, preset_named
-from app.trainer.client.client_state import EXPORT_VERTICES as VERTICES
-from app.trainer.pages.dissection_files import run_download
-from app.trainer.pages.downloads import SUFFIXES, download, export_on_screen
+from app.trainer.client.workers import EXPORT_VERTICES as VERTICES
+from app.trainer.pages.downloads import SUFFIXES, download, export_on_screen, run_download
 from organ_geometry.organ import Organ
 from organ_geometry.organ_file import organ_from_bytes
 from physics import Cubic, Exact

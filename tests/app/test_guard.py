@@ -263,7 +263,7 @@ def test_any_address_but_loopback_asks_for_a_token() -> None:
 
 def test_at_another_address_the_link_has_the_token_and_any_name_does() -> None:
     # Loopback in truth, so that the test opens nothing; but not as it stands.
-    running = Trainer(phantom(), host="127.1", port=0, mode="pull", look="plain")
+    running = Trainer(phantom(), host="127.1", port=0, scene="free", look="plain")
     try:
         address, token = running.link.split("/?token=")
         assert address == running.address

@@ -30,10 +30,9 @@ from app.haptics.servo_process import (
 )
 from app.haptics.virtual_device import VirtualDevice
 from app.simulation import TICK_SECONDS, Phase, Replay, bed_named
-from app.trainer.client.client_state import Workers
-from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
-from app.trainer.client.pull_state import PullState
+from app.trainer.client.page_state import PageState
+from app.trainer.client.workers import Workers
 from physics import Exact, TautString
 
 
@@ -68,32 +67,32 @@ class Servo:
         self.stopped = True
 
 
-def said(state: PullState | DissectState) -> list[str]:
+def said(state: PageState) -> list[str]:
     """What the page was told, newest last."""
     calls = cast(MagicMock, state.client).add_notification.call_args_list
     return [call.args[1] for call in calls]
 
 
-def pulling() -> PullState:
-    return PullState(MagicMock(), pull_session(phantom(), vertices=300), cast(Workers, None))
+def pulling() -> PageState:
+    return PageState(MagicMock(), pull_session(phantom(), vertices=300), cast(Workers, None))
 
 
 @pytest.fixture
-def led() -> tuple[HapticHand, Servo, PullState]:
+def led() -> tuple[HapticHand, Servo, PageState]:
     servo, page = Servo(), pulling()
     hand = HapticHand(cast(ServoProcess, servo))
     hand.attend(page)
     return hand, servo, page
 
 
-def go(hand: HapticHand, page: PullState, ticks: int = 30) -> None:
+def go(hand: HapticHand, page: PageState, ticks: int = 30) -> None:
     for _ in range(ticks):
         hand.attend(page)
         page.session.advance()
 
 
 def test_the_hand_leads_the_session_and_the_run_is_made_again(
-    led: tuple[HapticHand, Servo, PullState],
+    led: tuple[HapticHand, Servo, PageState],
 ) -> None:
     hand, servo, page = led
     assert page.device == "a spoon"
@@ -117,7 +116,7 @@ def test_the_hand_leads_the_session_and_the_run_is_made_again(
 
 
 def test_a_tear_to_the_hand_is_one_in_the_session_and_a_new_duct_is_felt_anew(
-    led: tuple[HapticHand, Servo, PullState],
+    led: tuple[HapticHand, Servo, PageState],
 ) -> None:
     hand, servo, page = led
     servo.pull(6.0)
@@ -135,7 +134,7 @@ def test_a_tear_to_the_hand_is_one_in_the_session_and_a_new_duct_is_felt_anew(
     assert page.session.reading().phase is Phase.INTACT
 
 
-def test_what_the_session_solves_is_what_is_felt(led: tuple[HapticHand, Servo, PullState]) -> None:
+def test_what_the_session_solves_is_what_is_felt(led: tuple[HapticHand, Servo, PageState]) -> None:
     hand, servo, page = led
     old = servo.now
     page.session.choose_theory(Exact())
@@ -158,7 +157,7 @@ def test_what_the_session_solves_is_what_is_felt(led: tuple[HapticHand, Servo, P
     assert said(page).count("The device has no force: theory string cannot be felt.") == 1
 
 
-def test_a_device_that_ends_gives_the_hook_back(led: tuple[HapticHand, Servo, PullState]) -> None:
+def test_a_device_that_ends_gives_the_hook_back(led: tuple[HapticHand, Servo, PageState]) -> None:
     hand, servo, page = led
     servo.pull(5.0)
     go(hand, page)
@@ -216,13 +215,13 @@ class StepwiseServo(ServoLink):
     def stop(self) -> None: ...
 
 
-def dissecting(*scripts: HandScript) -> tuple[HapticHand, StepwiseServo, DissectState]:
+def dissecting(*scripts: HandScript) -> tuple[HapticHand, StepwiseServo, PageState]:
     servo = StepwiseServo(*scripts)
-    state = DissectState(MagicMock(), bed_session(phantom(), vertices=300), cast(Workers, None))
+    state = PageState(MagicMock(), bed_session(phantom(), vertices=300), cast(Workers, None))
     return HapticHand(cast(ServoProcess, servo)), servo, state
 
 
-def dissect(hand: HapticHand, servo: StepwiseServo, state: DissectState, seconds: float) -> None:
+def dissect(hand: HapticHand, servo: StepwiseServo, state: PageState, seconds: float) -> None:
     for _ in range(round(seconds / TICK_SECONDS)):
         hand.attend(state)
         state.session.advance()

@@ -64,7 +64,7 @@ def test_key_has_the_same_colours_unit_and_break() -> None:
 
 @pytest.mark.parametrize("look", ["plain", "full"])
 def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Look) -> None:
-    trainer = Trainer(phantom(), port=0, mode="pull", look=look)
+    trainer = Trainer(phantom(), port=0, scene="free", look=look)
     try:
         with trainer_page(drawing_browser, trainer.address, width=900, height=600, dots=0.5) as tab:
             view = newest(trainer)

@@ -19,7 +19,7 @@ from physics import THEORIES
 
 @pytest.fixture(scope="module")
 def own_trainer(tube_file: Path) -> Iterator[Trainer]:
-    running = Trainer(read_organ(tube_file), port=0, mode="pull", look="plain")
+    running = Trainer(read_organ(tube_file), port=0, scene="free", look="plain")
     yield running
     running.stop()
 

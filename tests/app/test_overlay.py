@@ -65,8 +65,8 @@ def test_overlay_lies_on_the_kept_sections_and_follows_the_driving_points(
 def test_force_arrow_stands_on_its_foot_along_the_force_with_its_number(
     scene: viser.SceneApi,
 ) -> None:
-    arrow = ForceArrow(scene, 50.0)
-    drawn, label = node(scene, "/organ/force"), node(scene, "/organ/force_label")
+    arrow = ForceArrow(scene, 50.0, "/organ/force_0")
+    drawn, label = node(scene, "/organ/force_0"), node(scene, "/organ/force_0_label")
     assert isinstance(drawn, viser.ArrowsHandle)
     assert isinstance(label, viser.LabelHandle)
     foot, tip = np.array([20.0, 0.0, 4.0]), np.array([20.0, 0.0, 9.0])

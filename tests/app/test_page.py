@@ -12,6 +12,7 @@ from browser import (
     new_context,
     newest,
     pass_ticks,
+    scene_of,
     settle,
     stage_pixel,
     stands_still,
@@ -34,11 +35,11 @@ from app.simulation import (
     run_json,
 )
 from app.simulation.scripted_hands import HASTY
-from app.trainer.client.client_state import EXPORT_VERTICES
-from app.trainer.client.pull_state import HAND_ONLY
+from app.trainer.client.page_state import HAND_ONLY
+from app.trainer.client.workers import EXPORT_VERTICES
 from app.trainer.connections.bounds import Bounds
 from app.trainer.pages.downloads import SUFFIXES, download
-from app.trainer.panel.pull_plot import ansys_points
+from app.trainer.panel.force_curve import ansys_points
 from app.trainer.server.trainer import Trainer
 from app.validation.thesis_tables import INCH, LBF, TABLE_6_3
 from physics import Beam, Cubic, Exact
@@ -77,7 +78,7 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
             assert tab.figure("force-n") == pytest.approx(force, rel=1e-4)
             assert tab.slider("Force F (N)") == pytest.approx(force, abs=0.011)
             assert tab.slider("Grasp (mm)") == pytest.approx(session.planar.grasp, abs=0.051)
-            assert seen(tab, "force")
+            assert seen(tab, "force_0")
             assert tab.page.get_by_text(f"{force:.2f} N", exact=True).is_visible()
 
         tab.eventually(answered)
@@ -85,7 +86,7 @@ def test_duct_is_pulled_by_hand_and_springs_back(browser: Browser, trainer: Trai
         tab.wait_for_force(0.0)
         tab.wait_until(lambda: session.reading().deflection == 0.0)
         tab.wait_until(lambda: tab.slider("Force F (N)") == 0.0)
-        tab.wait_until(lambda: not seen(tab, "force"))
+        tab.wait_until(lambda: not seen(tab, "force_0"))
 
 
 def force_field(tab: TrainerPage) -> Locator:
@@ -176,7 +177,7 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         held = session.reading()
         assert held.force == 3.0
         assert held.phase is Phase.INTACT
-        shares = [stress.copy() for stress in view._shares(session)]
+        shares = [each.copy() for each in scene_of(view).values("stress")]
         wanted = session.stress(np.empty_like(shares[0])) / session.tissue.threshold
         np.testing.assert_array_equal(shares[0], wanted)
         assert shares[0].max() == pytest.approx(1.0 - held.check.distance_to_break, abs=0.05)
@@ -299,6 +300,7 @@ def test_theories_are_compared_while_pulling(browser: Browser, trainer: Trainer)
         tab.wait_until(lambda: seen(tab, "overlay/driving_points"))
 
         # What is on the screen, by the code that the command line exports with.
+        tab.open("Replay")
         tab.choose("Export as", SUFFIXES[".stl"])
         shown = download(session, ".stl", EXPORT_VERTICES).content
         assert downloaded(tab, "Download file") == shown
@@ -319,7 +321,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         expect(task).to_contain_text("15 % or less")
         expect(task).to_contain_text("Do not tear the duct;")
         tab.press("Start")
-        expect(tab.page.get_by_test_id("exercise-state")).to_contain_text("first pull")
+        expect(tab.page.get_by_test_id("exercise-state")).to_contain_text("first touch")
         tab.open("Train")
         tab.slide("Force F (N)", 0.4)
         tab.wait_for_force(0.4)
@@ -464,7 +466,7 @@ def test_only_the_hand_passes_an_exercise_and_its_goal_is_seen(
         found = []
         while "s to go" in run.standing:
             expect(state).to_contain_text(run.standing)
-            goal = view._annotations._goal
+            goal = scene_of(view)._annotations._goal
             assert goal is not None
             tab.wait_until(lambda goal=goal: goal._label.text == run.standing)
             found.append(run.standing)
@@ -620,7 +622,7 @@ def test_hidden_feedback_is_hidden_everywhere(browser: Browser, trainer: Trainer
         tab.wait_until(lambda: session.reading().deflection > 5.9)
         settle(tab, trainer, view.client)
         tab.wait_until(lambda: seen(tab, "skin") and not seen(tab, "skin_stress"))
-        assert not seen(tab, "force")
+        assert not seen(tab, "force_0")
         assert tab.readout.get_attribute("data-force-n") is None
         words = tab.page.locator("body").inner_text()
         for figure in (session.reading().force, session.reading().deflection):
@@ -742,7 +744,7 @@ def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Br
     trainer = Trainer(
         phantom(),
         port=0,
-        mode="pull",
+        scene="free",
         look="plain",
         bounds=Bounds(most_clients=1),
         exercise_inputs="any",
@@ -765,11 +767,11 @@ def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Br
 
 def test_a_page_whose_session_is_gone_after_a_restart_is_told_so(browser: Browser) -> None:
     port = free_port()
-    first = Trainer(phantom(), port=port, mode="pull", look="plain")
+    first = Trainer(phantom(), port=port, scene="free", look="plain")
     try:
         with trainer_page(browser, first.address) as tab:
             first.stop()
-            first = Trainer(phantom(), port=port, mode="pull", look="plain")
+            first = Trainer(phantom(), port=port, scene="free", look="plain")
             told = tab.page.get_by_role("alert").filter(has_text="A new duct")
             expect(told).to_contain_text("the trainer was started anew")
             tab.page.reload()  # its new session is known: nothing to tell

@@ -10,8 +10,8 @@ import viser
 from simulated import bed_session, phantom
 
 from app.simulation import Session
-from app.trainer.panel.dissect_plot import IDLE_SECONDS, SECONDS, DissectPlot
 from app.trainer.panel.exercise_tab import AWAITED, NONE, ExerciseTab
+from app.trainer.panel.last_seconds import IDLE_SECONDS, SECONDS, LastSeconds
 from app.trainer.panel.measures_table import measures_html
 
 
@@ -30,9 +30,9 @@ def stand(session: Session, seconds: float) -> None:
 
 def test_the_plot_of_a_dissection_goes_on_while_nothing_moves(gui: viser.GuiApi) -> None:
     session = bed_session(phantom(), vertices=300)
-    plot = DissectPlot(gui)
+    plot = LastSeconds(gui)
     plot.show(session, session.reading(), figures=True)
-    assert not plot.lags(session)  # time has not begun
+    assert not plot.needs_redraw(session)  # time has not begun
     place = session.grab(0, 25.4)
     assert place is not None
     session.move_hand(0, place + np.array([0.0, 0.0, 2.0]))
@@ -40,9 +40,9 @@ def test_the_plot_of_a_dissection_goes_on_while_nothing_moves(gui: viser.GuiApi)
         session.advance()
         plot.show(session, session.reading(), figures=True)
     stand(session, 1.5 * IDLE_SECONDS)
-    assert plot.lags(session)
+    assert plot.needs_redraw(session)
     plot.show(session, session.reading(), figures=True)
-    assert not plot.lags(session)
+    assert not plot.needs_redraw(session)
     # What stood still is drawn level until now, not as a slope to what comes next.
     stand(session, 5.0)
     session.move_hand(0, place)
@@ -56,7 +56,7 @@ def test_the_plot_of_a_dissection_goes_on_while_nothing_moves(gui: viser.GuiApi)
     for _ in range(2):
         plot.show(session, session.reading(), figures=True)
         stand(session, SECONDS + 5.0)
-    assert not plot.lags(session)
+    assert not plot.needs_redraw(session)
 
 
 def test_no_duct_is_called_unbreakable_before_its_exercises_are_known() -> None:

@@ -7,7 +7,7 @@ from threading import Thread
 import pytest
 from simulated import phantom, pull_session
 
-from app.simulation import TICK_SECONDS, Replay, RunFile
+from app.simulation import TICK_SECONDS, Replay, RunFile, Session
 from app.trainer.client import replay_playback
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 
@@ -75,6 +75,11 @@ def test_it_plays_to_its_end_and_from_its_start_again() -> None:
     assert not playback.tick(3)
 
 
-def test_what_goes_on_live_has_no_end() -> None:
-    session = pull_session(phantom(), vertices=300)
-    assert not LivePlayback(session, lambda: session).at_end
+def test_what_goes_on_live_stays_where_it_was_once_the_other_page_is_gone() -> None:
+    first, second = (pull_session(phantom(), vertices=300) for _ in range(2))
+    found: list[Session | None] = [second, None]
+    playback = LivePlayback(first, lambda: found.pop(0))
+    for session in (second, second):
+        while not playback.tick(1):
+            pass
+        assert playback.session is session

@@ -204,7 +204,7 @@ def test_behind_a_proxy_under_a_path_a_browser_gets_in_and_trains(
         pytest.skip(f"{name} is not installed")
     port = free_port()
     running = Trainer(
-        phantom(), port=0, look="plain", mode="pull", public_url=f"https://localhost:{port}/duct/",
+        phantom(), port=0, look="plain", scene="free", public_url=f"https://localhost:{port}/duct/",
         trusted_proxy="127.0.0.1",
     )  # fmt: skip
     try:

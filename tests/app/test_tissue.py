@@ -207,7 +207,7 @@ def fine_surface(tab: TrainerPage) -> dict[str, Any]:
 
 
 def test_page_draws_a_fine_smooth_textured_duct_that_follows_the_pull(browser: Browser) -> None:
-    trainer = Trainer(phantom(), port=0, mode="pull")
+    trainer = Trainer(phantom(), port=0, scene="free")
     try:
         with trainer_page(browser, trainer.address, width=480, height=360) as tab:
             session = newest(trainer).session
@@ -251,9 +251,9 @@ def test_page_draws_a_fine_smooth_textured_duct_that_follows_the_pull(browser: B
 def test_slow_page_gets_the_simple_picture_and_a_way_back(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    least = "app.trainer.view.mode_view.LEAST_PICTURES"
+    least = "app.trainer.view.page_view.LEAST_PICTURES"
     monkeypatch.setattr(least, 1000.0)  # no page draws as many
-    trainer = Trainer(phantom(), port=0, mode="pull", look="auto")
+    trainer = Trainer(phantom(), port=0, scene="free", look="auto")
     try:
         with trainer_page(browser, trainer.address, width=480, height=360) as tab:
             expect(tab.page.get_by_text("software mode")).to_contain_text("--look plain")

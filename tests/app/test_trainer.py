@@ -15,7 +15,7 @@ from typing import Any, cast
 import cv2
 import numpy as np
 import pytest
-from browser import TrainerPage, stands_still, trainer_page
+from browser import TrainerPage, scene_of, stands_still, trainer_page
 from browser import newest as newest_view
 from playwright.sync_api import Browser, expect
 from program import ENTRY, LONGEST, command, free_port, refused, started
@@ -42,7 +42,7 @@ def newest(trainer: Trainer) -> Session:
 def drawn(trainer: Trainer) -> list[np.ndarray]:
     """The surfaces of the client that came last as they are drawn: smooth, and marked."""
     view = newest_view(trainer)
-    return [each.contact.vertices for each in view._scene._drawn]
+    return [each.contact.vertices for each in scene_of(view)._drawn]
 
 
 def untouched(at_rest: np.ndarray) -> np.ndarray:
@@ -348,7 +348,7 @@ def test_one_camera_callback_whatever_the_duct(
         for preset in ("porcine-gallbladder", "thesis-bile-duct", "porcine-gallbladder"):
             view.session.choose_preset(preset)
             tab.wait_until(
-                lambda name=preset: view._scene._clamps == view.session.tissue.dissection.clamps
+                lambda name=preset: scene_of(view)._clamps == view.session.tissue.dissection.clamps
             )
         assert len(callbacks) == 1
 
@@ -391,7 +391,7 @@ def test_a_tab_that_closes_while_it_connects_leaves_nothing(
         there.clear()
         return view
 
-    monkeypatch.setattr(server, "ClientView", made)
+    monkeypatch.setattr(server, "PageView", made)
     monkeypatch.setattr(trainer._server, "get_clients", lambda: there)
     monkeypatch.setattr(server, "prepare_page", lambda _: None)
     monkeypatch.setattr(server, "kept_by_tab", lambda _: None)

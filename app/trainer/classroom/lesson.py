@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 from uuid import uuid4
 from weakref import WeakKeyDictionary
 
@@ -23,6 +22,7 @@ from app.classroom.xapi_sender import Sender, class_statements, connect, disconn
 from app.simulation import (
     Exercise,
     Preset,
+    Run,
     RunFile,
     Session,
     default_preset,
@@ -32,14 +32,14 @@ from app.simulation import (
 )
 from app.trainer.classroom.class_card import Card, ClassCard
 from app.trainer.classroom.live import Live, live
-from app.trainer.client.client_state import Mode
+from app.trainer.client.practice import OLDER_NAMES, SceneName
 from app.trainer.panel.frame import LEARN
 from app.trainer.panel.result_page import run_title
-from app.trainer.view.client_view import ClientView
+from app.trainer.view.page_view import PageView
 from app.trainer.viser_bridge.page import asked_by_address, open_tab
 from organ_geometry import Organ
 
-__all__ = ["Lesson", "Row", "ToWatch"]
+__all__ = ["Lesson", "Row", "WatchRequest"]
 
 log = logging.getLogger(__name__)
 
@@ -66,7 +66,7 @@ class Row(msgspec.Struct, frozen=True):
 class _Member:
     """A page of a trainee."""
 
-    view: ClientView
+    view: PageView
     browser: str
     person: Person | None
     card: ClassCard
@@ -81,11 +81,11 @@ class _Member:
 
 
 @dataclass(frozen=True, slots=True)
-class ToWatch:
+class WatchRequest:
     """What the teacher's page is asked to show: somebody's duct, or a run again."""
 
-    mode: Mode
-    begin: Callable[[ClientView], object]
+    scene: SceneName
+    begin: Callable[[PageView], object]
 
 
 class Lesson:
@@ -102,9 +102,9 @@ class Lesson:
         self._recorder = Recorder(store, self._statements)
         self.sender = Sender(store)
         self._lock = threading.RLock()
-        self._members: dict[ClientView, _Member] = {}
+        self._members: dict[PageView, _Member] = {}
         # By the run, so that a run keeps its identity in whatever page it goes on.
-        self._ids: WeakKeyDictionary[Any, tuple[str, str]] = WeakKeyDictionary()
+        self._ids: WeakKeyDictionary[Run, tuple[str, str]] = WeakKeyDictionary()
         self._found: tuple[int, list[Result]] = -1, []
         self._read_tries: tuple[int, dict[str, list[Try]]] = -1, {}
         self._assignment: Assignment | None = None
@@ -126,8 +126,8 @@ class Lesson:
 
     # Pages of trainees
 
-    def furnish(self, browser: str, view: ClientView) -> None:
-        """Add the class to a trainee's page, whenever the page of a mode has opened."""
+    def add_card(self, browser: str, view: PageView) -> None:
+        """Add the class to a trainee's page, whenever its panel has been made."""
         card = ClassCard(
             view.client.gui,
             lambda name: self.join(view, name),
@@ -146,14 +146,14 @@ class Lesson:
         if came:
             self._put_if_new(member)
 
-    def leave(self, view: ClientView) -> None:
+    def leave(self, view: PageView) -> None:
         """Save what a page has done, which is gone."""
         with self._lock:
             member = self._members.pop(view, None)
         if member is not None:
             self._save_unfinished(member)
 
-    def join(self, view: ClientView, name: str) -> None:
+    def join(self, view: PageView, name: str) -> None:
         """Let who is at a page join under a name."""
         member = self._members.get(view)
         if member is None:
@@ -300,13 +300,14 @@ class Lesson:
             try:
                 view.state.keep_run()
                 there = view.session.tissue.dissection
-                # A pull's threshold and theory can be chosen: a new duct has its own.
+                # A free duct's threshold and theory can be chosen: a new one has its own.
                 same = there.organ is self._organ and there.preset == wanted
-                if view.mode != asked.mode or not same or asked.mode == "pull":
-                    view.show_duct(self._organ, preset, asked.mode)
-                exercise: Any = asked.exercise
+                scene = OLDER_NAMES[asked.mode]
+                # What the page began with may have been put into a bed, or into space.
+                if view.scene != scene or not same or view.state.in_plane or scene == "free":
+                    view.show_duct(self._organ, preset, scene)
                 member.level = level
-                view.state.start_exercise(exercise, asked.feedback)
+                view.state.start_exercise(asked.exercise, asked.feedback)
                 open_tab(view.client, LEARN)
             except Exception:  # the page may have gone
                 log.warning("an exercise could not be put on a page", exc_info=True)
@@ -390,7 +391,7 @@ class Lesson:
             self._found = self.version, results(self.store)
         return self._found[1]
 
-    def to_watch(self, client: viser.ClientHandle) -> ToWatch | None:
+    def to_watch(self, client: viser.ClientHandle) -> WatchRequest | None:
         """Return what the teacher's page asks for by its address, if it is there."""
         run_id = asked_by_address(client, "replay")
         if run_id is not None:
@@ -399,13 +400,12 @@ class Lesson:
                 client.add_notification("No such run", "It has been deleted.", color="yellow")
                 return None
             run = read_run(kept.file)
-            mode: Mode = "dissect" if run.log.start.in_bed else "pull"
 
-            def replay(view: ClientView) -> None:
-                state: Any = view.state
+            def replay(view: PageView) -> None:
+                state = view.state
                 state.attempt("Making the run again.", lambda: state.start_replay(run))
 
-            return ToWatch(mode, replay)
+            return WatchRequest("bed" if run.log.start.in_bed else "free", replay)
         person_id = asked_by_address(client, "watch")
         if person_id is None:
             return None
@@ -418,11 +418,10 @@ class Lesson:
             there = self._here(person_id)
             return None if there is None else there.view.session
 
-        def watch(view: ClientView) -> None:
-            state: Any = view.state
-            state.watch(member.view.session, find)
+        def watch(view: PageView) -> None:
+            view.state.watch(member.view.session, find)
 
-        return ToWatch(member.view.mode, watch)
+        return WatchRequest(member.view.scene, watch)
 
     def _here(self, person_id: str) -> _Member | None:
         return next(
@@ -450,7 +449,7 @@ class Lesson:
     def _save(
         self,
         member: _Member,
-        run: Any,
+        run: Run,
         file: Callable[[], RunFile],
         *,
         finished: bool,

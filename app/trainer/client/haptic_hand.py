@@ -15,8 +15,7 @@ import numpy as np
 
 from app.haptics.servo_process import BedSetting, DuctSetting, FeltSetting, ServoProcess, Snapshot
 from app.simulation import HANDS, Phase, Session
-from app.trainer.client.dissect_state import DissectState
-from app.trainer.client.pull_state import PullState
+from app.trainer.client.page_state import PageState
 
 __all__ = ["HapticHand", "felt_in"]
 
@@ -45,7 +44,7 @@ class HapticHand:
     def __init__(self, servo: ServoProcess) -> None:
         self._servo = servo
         self._hands = min(servo.hands, HANDS)
-        self._state: PullState | DissectState | None = None
+        self._state: PageState | None = None
         self._felt: object = None  # what the last setting followed from; None for none
         self._generation = 0
         self._holds = [False] * self._hands
@@ -53,7 +52,7 @@ class HapticHand:
         self._told: str | None = None
         self._led: bytes | None = None  # what was said last of the other hand
 
-    def attend(self, state: PullState | DissectState | None) -> None:
+    def attend(self, state: PageState | None) -> None:
         """Advance by one tick, for the page that has the device, or for none."""
         servo = self._servo
         if state is not self._state:
@@ -69,10 +68,10 @@ class HapticHand:
                 self._let_go(state)
                 state.take_hook_back(f"{why[0].upper()}{why[1:]}. The mouse has the hook again.")
             return
-        if isinstance(state, PullState):
-            self._pull(state)
+        if state.in_plane:
+            self._lead_in_plane(state)
         else:
-            self._dissect(state)
+            self._lead_in_space(state)
         if servo.unfelt not in (None, self._told):
             state.refuse(f"The device has no force: {servo.unfelt}.")
         self._told = servo.unfelt
@@ -100,9 +99,9 @@ class HapticHand:
         fresh = snapshot.generation == self._generation and self._felt is not None
         return snapshot if fresh else None
 
-    # Without a bed
+    # In the plane of the pull
 
-    def _pull(self, state: PullState) -> None:
+    def _lead_in_plane(self, state: PageState) -> None:
         session, whole = state.session, state.session.reading().phase is Phase.INTACT
         if not whole:
             self._holds[0], self._torn = False, True
@@ -133,9 +132,9 @@ class HapticHand:
             self._holds[0] = False
             state.release()
 
-    # In a bed
+    # In space
 
-    def _dissect(self, state: DissectState) -> None:
+    def _lead_in_space(self, state: PageState) -> None:
         session = state.session
         duct, run = session.spatial, session.run
         watching = state.playback is not None or state.paused or state.force_off
@@ -147,7 +146,7 @@ class HapticHand:
             return
         if self._felt != (duct, run):
             self._let_go(state)
-            self._feel((duct, run), self._in_bed(session))
+            self._feel((duct, run), self._in_space(session))
         self._lead_other(state)
         snapshot = self._snapshot()
         if snapshot is None:
@@ -172,14 +171,14 @@ class HapticHand:
             if held or np.abs(hook.tip - target).max() > TOUCHED:
                 session.move_hand(hand, hook.tip)
 
-    def _in_bed(self, session: Session) -> BedSetting:
+    def _in_space(self, session: Session) -> BedSetting:
         beam, touch = session.beam_touched_by(HANDS - 1)
         tips = np.array([hand.target for hand in session.spatial.hands[: self._hands]])
         other = None if self._hands == HANDS else touch
         self._led = None
         return BedSetting(beam, tips, session.tissue.threshold, other)
 
-    def _lead_other(self, state: DissectState) -> None:
+    def _lead_other(self, state: PageState) -> None:
         """Tell the servo what the hand of mouse and keys does, and what the keys hold."""
         other = None if self._hands == HANDS else state.session.touch(HANDS - 1)
         said = pickle.dumps((other, state.device_holds))
@@ -187,13 +186,12 @@ class HapticHand:
             self._led = said
             self._servo.lead(other, state.device_holds[: self._hands])
 
-    def _let_go(self, state: PullState | DissectState) -> None:
+    def _let_go(self, state: PageState) -> None:
         """Release what the devices hold in the session."""
         for hand, holds in enumerate(self._holds):
-            if holds and isinstance(state, DissectState):
+            if holds:
                 state.session.release(hand)
-            elif holds and isinstance(state, PullState):
-                state.release()
+                state.pulls += 1
         self._holds = [False] * self._hands
 
     def _leave(self) -> None:

@@ -1,47 +1,65 @@
-"""One trainee's ducts, in its bed and without one, and which of them is shown."""
+"""What a trainee has in hand: a session of each scene that a page can begin with."""
 
+from collections.abc import Callable
 from threading import Lock
+from typing import Literal, NamedTuple, get_args
 
-from app.simulation import Preset, Session, free_specimen, specimen_in_bed
-from app.trainer.client.client_state import Mode
+from app.simulation import Preset, Session, Specimen, free_specimen, specimen_in_bed
 from organ_geometry import Organ
 
-__all__ = ["Practice"]
+__all__ = ["OLDER_NAMES", "SCENES", "Practice", "SceneName", "Start"]
+
+SceneName = Literal["bed", "free"]
+SCENE_NAMES: tuple[SceneName, ...] = get_args(SceneName)
+OLDER_NAMES: dict[str, SceneName] = {"dissect": "bed", "pull": "free"}
+"""What scenes were called before, and are in files of exercises and classes."""
+
+
+class Start(NamedTuple):
+    """What a page begins with: words for it, and what makes its specimen of an organ."""
+
+    label: str
+    hint: str
+    specimen: Callable[[Organ, Preset | None], Specimen]
+
+
+SCENES: dict[SceneName, Start] = {
+    "bed": Start(
+        "A duct in its bed", "Free the duct from its bed, before it tears (M)", specimen_in_bed
+    ),
+    "free": Start(
+        "A free duct",
+        "Pull a duct that no bed holds, and compare theories of it (M)",
+        free_specimen,
+    ),
+}
 
 
 class Practice:
-    """A trainee's two sessions, each made when it is first asked for; `mode` is shown."""
+    """A trainee's sessions, each made when it is first asked for; `scene` is shown."""
 
-    def __init__(self, organ: Organ, preset: Preset | None, mode: Mode | None = None) -> None:
+    def __init__(self, organ: Organ, preset: Preset | None, scene: SceneName | None = None) -> None:
         self._organ, self._preset = organ, preset
-        self.mode: Mode | None = mode  # None until a page has opened
+        self.scene: SceneName | None = scene  # None until a page has opened
         self._lock = Lock()
-        self._pull: Session | None = None
-        self._dissect: Session | None = None
+        self._sessions: dict[SceneName, Session] = {}
 
-    @property
-    def pull(self) -> Session:
-        """The session without a bed."""
+    def session(self, scene: SceneName) -> Session:
+        """Return the session of a scene, of the organ that was chosen last."""
         with self._lock:
-            if self._pull is None:
-                self._pull = Session(free_specimen(self._organ, self._preset))
-            return self._pull
-
-    @property
-    def dissect(self) -> Session:
-        """The session in a bed, of the organ that was chosen last."""
-        with self._lock:
-            if self._pull is not None:
-                chosen = self._pull.tissue.dissection
+            if self.scene in self._sessions:
+                shown = self._sessions[self.scene]
+                chosen = shown.tissue.dissection
                 if chosen.organ is not self._organ:
                     self._organ, self._preset = chosen.organ, chosen.preset
-                    self._dissect = None
-            if self._dissect is None:
-                self._dissect = Session(specimen_in_bed(self._organ, self._preset))
-            return self._dissect
+                    self._sessions = {self.scene: shown}
+            if scene not in self._sessions:
+                specimen = SCENES[scene].specimen(self._organ, self._preset)
+                self._sessions[scene] = Session(specimen)
+            return self._sessions[scene]
 
     def renew(self, organ: Organ, preset: Preset | None) -> None:
         """Begin with other ducts."""
         with self._lock:
             self._organ, self._preset = organ, preset
-            self._pull = self._dissect = None
+            self._sessions = {}

@@ -25,6 +25,7 @@ class ReplayPlayback:
     """
 
     title = "Replay"
+    live = False
 
     def __init__(self, replay: Replay) -> None:
         self._replay = replay
@@ -99,37 +100,23 @@ class ReplayPlayback:
         self._at = tick
 
 
-class LivePlayback(ReplayPlayback):
-    """The session of another page as it goes on there; `find` returns it, or None once it is gone.
-
-    What is shown stays where it was while the other page shows the other mode.
-    """
+class LivePlayback:
+    """The session of another page as it goes on; `find` returns it, or None once it is gone."""
 
     title = "Live"
+    live = True
+    duration = time = 0.0  # it is now
+    playing = at_end = False
 
     def __init__(self, session: Session, find: Callable[[], Session | None]) -> None:
-        self._session, self._find = session, find
+        self.session, self._find = session, find  # to be read only
         self._ticks = 0
-        self.duration = 0.0
-        self.playing = False
-
-    @property
-    def session(self) -> Session:
-        """The session that is watched; to be read only."""
-        return self._session
-
-    @property
-    def at_end(self) -> bool:
-        """Never: it goes on as long as the other page does."""
-        return False
-
-    @property
-    def time(self) -> float:
-        """Always 0: it is now."""
-        return 0.0
 
     def play(self) -> None:
         """Do nothing: it goes on by itself."""
+
+    def pause(self) -> None:
+        """Do nothing: it goes on as long as the other page does."""
 
     def seek(self, seconds: float) -> None:
         """Do nothing: it is now."""
@@ -140,7 +127,5 @@ class LivePlayback(ReplayPlayback):
         if self._ticks < LIVE_TICKS:
             return False
         self._ticks = 0
-        found = self._find()
-        if found is not None and found.specimen.bed == self._session.specimen.bed:
-            self._session = found
+        self.session = self._find() or self.session
         return True

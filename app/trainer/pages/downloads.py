@@ -1,21 +1,30 @@
-"""Downloads: what is on the screen as a file, by the code that `bluntdissect export` runs."""
+"""Downloads: what is on the screen, or a run, as a file, as `bluntdissect export` writes it."""
 
+import io
 import re
 from dataclasses import replace
 from typing import NamedTuple
+from zipfile import ZIP_DEFLATED, ZipFile
 
+from app.export.motion import MOST_FRAMES, PAGE_FRAMES
 from app.export.pull_export import PullExport
-from app.simulation import Phase, Session, Specimen
-from app.trainer.pages.html_player import export_page, page_edge_length
+from app.export.recorded_run import RecordedRun
+from app.export.vtk_series import snapshot_contents
+from app.simulation import Phase, RunFile, Session, Specimen
+from app.trainer.pages.html_player import export_page, page_edge_length, run_page
 from organ_geometry import Organ
+from organ_geometry.mesh import mesh_content
 
 __all__ = [
+    "PLAYED_SUFFIXES",
+    "RUN_SUFFIXES",
     "SUFFIXES",
     "Download",
     "download",
     "export_on_screen",
     "file_name",
     "organ_content",
+    "run_download",
 ]
 
 SUFFIXES = {
@@ -26,7 +35,19 @@ SUFFIXES = {
     ".html": "Page that plays it",
     ".organ": "Organ file",
 }
-"""Suffixes and what the panel calls the files."""
+"""Suffixes and what the panel calls the files of a duct in a plane as it is now."""
+PLAYED_SUFFIXES = {
+    ".glb": "Animated model of the run (glTF)",
+    ".html": "Page that plays the run",
+}
+"""The same of any run."""
+RUN_SUFFIXES = {
+    **PLAYED_SUFFIXES,
+    ".stl": "Closed mesh at its end (STL)",
+    ".zip": "Mesh and strands at its end (ParaView)",
+    ".organ": "Organ file",
+}
+"""The same of a run in space."""
 
 
 class Download(NamedTuple):
@@ -105,3 +126,34 @@ def organ_content(organ: Organ) -> bytes:
 def file_name(organ: Organ) -> str:
     """Return a file name that is valid on every system."""
     return re.sub(r"[^\w-]+", "_", organ.name, flags=re.ASCII).strip("_") or "organ"
+
+
+def run_download(run: RunFile | None, organ: Organ, suffix: str, vertices: int) -> Download:
+    """Return a run on an organ as a file, its surface of about so many vertices."""
+    # It can take seconds: not for the clock.
+    if suffix not in RUN_SUFFIXES:
+        raise ValueError(f"a download must be one of {', '.join(RUN_SUFFIXES)}, got {suffix!r}")
+    name = file_name(organ)
+    if suffix == ".organ":
+        return Download(f"{name}{suffix}", organ_content(organ))
+    if run is None or not run.log.ticks:
+        raise ValueError("There is no run yet: take hold of the duct, and pull.")
+    return Download(f"{name}{suffix}", _run_content(run, organ, name, suffix, vertices))
+
+
+def _run_content(run: RunFile, organ: Organ, name: str, suffix: str, vertices: int) -> bytes:
+    most = {".glb": MOST_FRAMES, ".html": PAGE_FRAMES}.get(suffix, 2)
+    played = RecordedRun.of_log(run.log, organ, frames=min(most, run.log.ticks + 1))
+    if suffix == ".html":
+        return run_page(played, edge_length=page_edge_length(organ)).encode()
+    edge_length = page_edge_length(organ, vertices)
+    if suffix == ".glb":
+        return played.rigged(edge_length=edge_length)
+    at_end = played.at_end(edge_length=edge_length)
+    if suffix == ".stl":
+        return mesh_content(at_end.surfaces, suffix)
+    packed = io.BytesIO()
+    with ZipFile(packed, "w", ZIP_DEFLATED) as archive:
+        for end, content in snapshot_contents(at_end).items():
+            archive.writestr(f"{name}{end}.vtp", content)
+    return packed.getvalue()

@@ -15,10 +15,10 @@ from app.export.motion import RECOIL_STEP, Motion
 from app.export.pull_export import PullExport
 from app.export.recorded_run import RecordedRun
 from app.simulation import PIECES, Dissection, Phase, Reading
-from app.trainer.scene.duct_scene import LIFT_AFTER_TEAR
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.camera import viewpoint
 from app.trainer.stage.contact import Contact, HookPlace, sink
+from app.trainer.stage.hook import LIFT_AFTER_TEAR
 from app.trainer.stage.lighting import fill_air
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.strands import NUMBERS, PARTED, DrawnStrands, film_pairs

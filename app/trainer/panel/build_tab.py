@@ -21,7 +21,7 @@ from app.compression.organ_workbench import (
 )
 from app.compression.report import DOUBTFUL
 from app.simulation import default_preset, fits, presets
-from app.trainer.client.pull_state import PullState
+from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import figure, note, number, on_click, on_input, rows_html
 from app.trainer.panel.dialog import dialog
 from app.trainer.panel.picked_pixel import picked_pixel, picture_html
@@ -53,7 +53,7 @@ log = logging.getLogger(__name__)
 class BuildTab:
     """The tab in which an organ is built; it does nothing before a button is pressed."""
 
-    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
         self._state = state
         process = state.workers.build_process
         self._bench = OrganWorkbench(process.bounds, process)

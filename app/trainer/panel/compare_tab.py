@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.simulation import GhostReading, Phase, Reading
-from app.trainer.client.pull_state import PullState
+from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import figure, heading, note, on_work, rows_html, set_if_changed
 from physics import Cubic, Exact, Fem, NeoHooke, TautString, Theory
 
@@ -19,8 +19,15 @@ OFFERED_THEORIES: dict[str, Theory] = {
     "Finite elements (the thesis's reference)": Fem(),
 }
 """Theories that are fast enough to be stepped for a room of trainees, by their labels."""
+IN_SPACE = "In space, two hands (exact beam)"
+ANY_THEORY: dict[str, Theory | None] = {**OFFERED_THEORIES, IN_SPACE: None}
 NO_GHOST = "None"
 _FIRST_TIME = "The first time after an installation takes up to a minute."
+_SPACE = (
+    "<b>In space</b> the duct is the exact beam with shear under two hands, each with an "
+    "instrument of its own, as in a bed. In the plane of the pull any theory solves it, with a "
+    "force that can be set, a ghost and a chain. A bed needs the beam in space."
+)
 _TELLING = (
     "The <b>ghost</b> is the same duct by another theory under the same load, in blue over yours. "
     "By hand both have one deflection and differ in force; by the slider it is the other way round."
@@ -35,14 +42,14 @@ _CHAIN = (
 class CompareTab:
     """The tab of theories."""
 
-    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
         self._state = state
         self._choosing = 0
         session = state.session
         self._theory = gui.add_dropdown(
             "Theory",
-            tuple(OFFERED_THEORIES),
-            initial_value=_label(session.planar.theory),
+            tuple(ANY_THEORY),
+            initial_value=_label(session.specimen.theory),
             hint="How the beam is solved; each theory has its own threshold",
         )
         self._ghost = gui.add_dropdown(
@@ -50,15 +57,17 @@ class CompareTab:
             (NO_GHOST, *OFFERED_THEORIES),
             initial_value=self._ghost_label(),
             hint="Another theory under the same load, laid over the duct",
+            visible=state.in_plane,
         )
         self._numbers = gui.add_html("")
         self._chain = gui.add_checkbox(
             "Chain",
             initial_value=session.chain is not None,
             hint="A chain of masses and springs beside the duct, under the same load",
+            visible=state.in_plane,
         )
         self._chain_numbers = gui.add_html("")
-        gui.add_html(note(_TELLING) + note(_CHAIN))
+        gui.add_html(note(_SPACE) + (note(_TELLING) + note(_CHAIN)) * state.in_plane)
         on_work(self._theory, self._choose_theory)
         on_work(self._ghost, self._choose_ghost)
         on_work(self._chain, lambda value: session.show_chain(value is True))
@@ -67,24 +76,25 @@ class CompareTab:
         """Show a reading beside the ghost's and the chain's."""
         state, session = self._state, self._state.session
         visible, live = state.figures_visible, state.playback is None
-        settled = reading.phase is Phase.INTACT and not state.in_exercise and live
+        free = session.specimen.bed is None
+        settled = free and reading.phase is Phase.INTACT and not state.in_exercise and live
         set_if_changed(self._theory, visible=settled)
         for handle, value in (
-            (self._theory, _label(session.planar.theory)),
+            (self._theory, _label(session.specimen.theory)),
             (self._ghost, self._ghost_label()),
         ):
             if not self._choosing:
                 set_if_changed(handle, value=value)
-        told = visible and live
-        ghost = session.ghost_reading() if told else None
+        shown = visible and live
+        ghost = session.ghost_reading() if shown else None
         if ghost is not None:
             content = _ghost_html(reading, ghost, self._ghost_label())
-        elif told and session.ghost is not None:
+        elif shown and session.ghost is not None:
             content = note("The ghost's theory ends before this load.")
         else:
             content = ""
         set_if_changed(self._numbers, content=content)
-        chain = session.chain if told else None
+        chain = session.chain if shown else None
         content = (
             ""
             if chain is None
@@ -97,11 +107,11 @@ class CompareTab:
         set_if_changed(self._chain_numbers, content=content)
 
     def _choose_theory(self, label: object) -> None:
-        theory = OFFERED_THEORIES.get(str(label))
         state = self._state
-        if theory is None or theory == state.session.planar.theory or state.in_exercise:
+        if label not in ANY_THEORY or state.in_exercise:
             return
-        self._choose(f"Preparing: {label}.", lambda: state.session.choose_theory(theory))
+        theory = ANY_THEORY[str(label)]
+        self._choose(f"Preparing: {label}.", lambda: state.choose_theory(theory))
 
     def _choose_ghost(self, label: object) -> None:
         theory = OFFERED_THEORIES.get(str(label))
@@ -114,7 +124,7 @@ class CompareTab:
             self._state.attempt(f"{what} {_FIRST_TIME}", action)
         finally:
             self._choosing -= 1
-        self._theory.value = _label(self._state.session.planar.theory)
+        self._theory.value = _label(self._state.session.specimen.theory)
         self._ghost.value = self._ghost_label()
 
     def _ghost_label(self) -> str:
@@ -158,5 +168,5 @@ def _percent(own: float, difference: float) -> str:
     return f" <span class='bd-wide' style='opacity:.7'>({100.0 * difference / own:+.0f} %)</span>"
 
 
-def _label(theory: Theory) -> str:
-    return next(label for label, offered in OFFERED_THEORIES.items() if offered == theory)
+def _label(theory: Theory | None) -> str:
+    return next(label for label, offered in ANY_THEORY.items() if offered == theory)

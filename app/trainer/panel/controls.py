@@ -1,6 +1,7 @@
 """What the tabs share: callbacks of inputs, and pieces of HTML."""
 
 import html
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, Generic, TypeVar
@@ -22,6 +23,7 @@ __all__ = [
     "paragraphs_html",
     "rows_html",
     "set_if_changed",
+    "slider_step",
     "term",
 ]
 
@@ -67,6 +69,11 @@ def set_if_changed(handle: Any, **values: object) -> None:
 def number(value: object) -> float:
     """Return a value from the browser as a number, NaN if it is not one."""
     return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def slider_step(limit: float) -> float:
+    """Return the power of ten that divides a scale into 100 to 1000 steps."""
+    return float(10.0 ** (math.floor(math.log10(limit)) - 2.0))
 
 
 def figure(value: float | None) -> str:
@@ -134,7 +141,7 @@ class Choice(Generic[Value]):
         gui: viser.GuiApi,
         label: str,
         options: Mapping[Value, tuple[str, str]],
-        take: Callable[[Value], None],
+        take: Callable[[Value], object],
         *,
         slow: bool = False,
         hidden: bool = False,
@@ -155,11 +162,14 @@ class Choice(Generic[Value]):
 
     @staticmethod
     def _command(
-        gui: viser.GuiApi, name: str, hint: str, take: Callable[[], None], slow: bool
+        gui: viser.GuiApi, name: str, hint: str, take: Callable[[], object], slow: bool
     ) -> str:
         command = gui.add_command(name, description=hint)
         if slow:
-            command.on_trigger(lambda _: take())
+
+            @command.on_trigger
+            def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
+                take()
         else:
 
             @command.on_trigger

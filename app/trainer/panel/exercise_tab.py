@@ -5,7 +5,7 @@ import html
 import viser
 
 from app.simulation import Exercise, Feedback, exercises_offered
-from app.trainer.client.client_state import ClientState
+from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import note, on_click, on_input, set_if_changed
 
 __all__ = ["ExerciseTab"]
@@ -15,13 +15,13 @@ FEEDBACK = {
     "Fading, gone after 30 s": Feedback.FADING,
     "Only in the result": Feedback.SUMMARY,
 }
-NONE, AWAITED = "This duct cannot break", "Working out its limits"
+NONE, AWAITED = "None for this duct", "Working out its limits"
 
 
 class ExerciseTab:
     """The tab of exercises."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
         self._state = state
         self._offered: dict[str, Exercise] = {}
         self._key: object = None
@@ -110,7 +110,7 @@ class ExerciseTab:
             text = (
                 f"{run.seconds:.0f} s of {limit:.0f} s"
                 if run.started
-                else f"Ready. Time runs from your first {state.first_input}."
+                else "Ready. Time runs from your first touch."
             )
             standing = run.standing if state.figures_visible else ""
             content = note(
@@ -139,7 +139,6 @@ class ExerciseTab:
             "background:rgba(255,255,255,.06);font-size:13px;line-height:1.45'>"
             f"{title}<b>Goal</b> {html.escape(exercise.task)}<br>"
             f"<b>Limit</b> {html.escape(exercise.caution)}<br>"
-            f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first "
-            f"{self._state.first_input}.<br>"
+            f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first touch.<br>"
             f"<b>With</b> {self._state.counted}</div>"
         )

@@ -1,30 +1,19 @@
-"""What the panels of both modes share: how they look, the choice of the mode, and the keys."""
-
-from collections.abc import Callable, Mapping, Sequence
+"""How the panel looks, and what stands in it always."""
 
 import viser
 from viser import theme
 
-from app.trainer.client.client_state import ClientState, Mode
-from app.trainer.panel.controls import Choice
-from app.trainer.panel.help import Key
-from app.trainer.viser_bridge.page import offer_home
-
-__all__ = ["DISCLAIMER", "LEARN", "REPLAY", "add_disclaimer", "add_keys", "dress_panel"]
+__all__ = ["DISCLAIMER", "LEARN", "REPLAY", "add_disclaimer", "style_panel"]
 
 DISCLAIMER = "Not clinically validated, not a medical device."
 LEARN, REPLAY = "Learn", "Replay"
 WIDTH = 364
 """px."""
 BRAND = (38, 166, 154)
-SHOWN: dict[Mode, tuple[str, str]] = {
-    "dissect": ("Dissect", "Free the duct from its bed, before it tears (M)"),
-    "pull": ("Pull", "Pull a duct that no bed holds: compare theories, build your own (M)"),
-}
 
 
-def dress_panel(gui: viser.GuiApi, state: ClientState, mode: Mode) -> None:
-    """Set the panel's theme and place, and begin it with the choice of the mode."""
+def style_panel(gui: viser.GuiApi) -> None:
+    """Set the panel's theme and place."""
     gui.configure_theme(
         titlebar_content=theme.TitlebarConfig(
             buttons=(),
@@ -44,12 +33,6 @@ def dress_panel(gui: viser.GuiApi, state: ClientState, mode: Mode) -> None:
     gui.main_panel.dock_right()
     gui.main_panel.set_width(WIDTH)
 
-    choice = Choice(gui, "Mode", SHOWN, state.choose_mode, slow=True, hidden=True, large=True)
-    choice.show(mode)
-    other: Mode = "pull" if mode == "dissect" else "dissect"
-    command = gui.add_command("Change the mode", description="Dissect or Pull", hotkey="M")
-    command.on_trigger(lambda _: state.choose_mode(other))
-
 
 def add_disclaimer(gui: viser.GuiApi) -> None:
     """Say what this is not."""
@@ -57,29 +40,6 @@ def add_disclaimer(gui: viser.GuiApi) -> None:
         "<div data-testid='disclaimer' style='padding:0 14px 6px;"
         f"font-size:11px;opacity:.75'>{DISCLAIMER}</div>"
     )
-
-
-def add_keys(
-    state: ClientState,
-    keys: Sequence[Key],
-    actions: Mapping[str, Callable[[], object]],
-    anytime: Mapping[str, Callable[[], object]],
-) -> None:
-    """Let keys act, by their names; while a replay is shown only those of `anytime` do."""
-    for key in keys:
-        command = state.client.gui.add_command(
-            key.title, description=key.meaning, hotkey=key.hotkey, modifier=key.modifier
-        )
-        act = actions.get(key.name) or anytime[key.name]
-        always = key.name in anytime
-
-        @command.on_trigger
-        async def _(_: object, act=act, always=always) -> None:  # pyright: ignore
-            if always or state.playback is None:
-                act()
-
-        if key.name == "V":
-            offer_home(state.client, command, f"{key.title} ({key.name})", key.meaning)
 
 
 _LOGO = (

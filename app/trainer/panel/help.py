@@ -4,12 +4,12 @@ from typing import Literal, NamedTuple
 
 import viser
 
-from app.trainer.client.client_state import Mode
+from app.simulation import Session
 from app.trainer.panel.controls import on_click, on_input
 from app.trainer.panel.dialog import dialog
 from app.trainer.viser_bridge.page import letter_keys_on, set_letter_keys
 
-__all__ = ["DISSECT_KEYS", "PULL_KEYS", "SEEN", "Key", "show_first_minute", "show_help"]
+__all__ = ["SEEN", "Key", "keys_of", "show_first_minute", "show_help"]
 
 Hotkey = Literal[
     "R", "T", "P", "H", "V", "X", "N", "G", "O", "C",
@@ -27,17 +27,14 @@ class Key(NamedTuple):
     modifier: Literal["shift"] | None = None
 
 
-_PAUSE = Key("P", "P", "Pause or go on", "time stands still")
-_RESET = Key("R", "R", "Reset", "a new, whole duct, and the view home")
-_HOME = Key("V", "V", "View home", "the camera back to where it shows the whole duct")
-PULL_KEYS = (
-    _RESET,
-    Key("T", "T", "Ramp to tear", "an even pull until the duct tears"),
-    _PAUSE,
-    Key("H", "H", "Heat map", "stress on the surface, on or off"),
-    _HOME,
+_ALL = (
+    Key("H", "H", "Colours", "tissue, stress or, of a bed, what is freed"),
+    Key("P", "P", "Pause or go on", "time stands still"),
+    Key("R", "R", "Reset", "a new, whole duct, and the view home"),
+    Key("V", "V", "View home", "the camera back to where it shows the whole duct"),
 )
-DISSECT_KEYS = (
+_IN_PLANE = (Key("T", "T", "Ramp to tear", "an even pull until the duct tears"),)
+_IN_SPACE = (
     Key("Left", "arrowleft", "Move left", "the active hand's tip along the duct"),
     Key("Right", "arrowright", "Move right", "the active hand's tip along the duct"),
     Key("Up", "arrowup", "Move up", "the active hand's tip off the bed"),
@@ -49,89 +46,98 @@ DISSECT_KEYS = (
     Key("C", "C", "Close the jaws", "of the active hand's dissector"),
     Key("X", "X", "Other hand", "the mouse and the keys lead the other hand"),
     Key("N", "N", "Next instrument", "for the active hand"),
-    Key("H", "H", "Colours", "tissue, stress, or what is freed"),
-    _PAUSE,
-    _RESET,
-    _HOME,
 )
 
-_LINES: dict[Mode, tuple[str, str, str]] = {
-    "dissect": (
-        "<b>Press the duct and drag</b> it off its bed, with the mouse or a finger: strands "
-        "stretch, and part. <b>Let go</b>, and take hold again close to where it is still held.",
-        "Watch <b>Distance to break</b>: at 0 % the duct tears. <b>Slowly and straight up</b> "
-        "spares it most.",
-        "A <b>dissector</b> spreads strands from behind, a <b>grasper</b> holds while the other "
-        "hand works. <b>Reset</b> makes all whole; <b>exercises</b> are under <b>Learn</b>.",
-    ),
-    "pull": (
-        "<b>Drag the duct</b> upwards with the mouse or a finger; it pulls back.",
-        "Watch <b>Distance to break</b>: at 0 % the duct tears.",
-        "<b>Reset</b> gives a new one. Then try the <b>exercises</b> under <b>Learn</b>.",
-    ),
-}
-_HOW: dict[Mode, str] = {
-    "dissect": """\
+_BED_LINES = (
+    "<b>Press the duct and drag</b> it off its bed, with the mouse or a finger: strands "
+    "stretch, and part. <b>Let go</b>, and take hold again close to where it is still held.",
+    "Watch <b>Distance to break</b>: at 0 % the duct tears. <b>Slowly and straight up</b> "
+    "spares it most.",
+    "A <b>dissector</b> spreads strands from behind, a <b>grasper</b> holds while the other "
+    "hand works. <b>Reset</b> makes all whole; <b>exercises</b> are under <b>Learn</b>.",
+)
+_FREE_LINES = (
+    "<b>Drag the duct</b> upwards with the mouse or a finger; it pulls back.",
+    "Watch <b>Distance to break</b>: at 0 % the duct tears.",
+    "<b>Reset</b> gives a new one. Then try the <b>exercises</b> under <b>Learn</b>.",
+)
+_BED_GOAL = """\
 **Goal.** Free the duct from its bed without tearing it. A good hand frees most at the least stress:
 close to the front where strands still hold, straight off the bed, without haste.
-
+"""
+_FREE_GOAL = "**Goal.** Find how far the duct can be pulled before it tears.\n"
+_HANDS = """\
 **The hands.** A **hook** takes the duct where you press and lets go with the mouse. A **grasper**
 takes it likewise, and stays where it is left until it is told to let go. A **dissector** parts
 strands by opening its jaws behind the duct, a **swab** by sweeping. Press an instrument to lead it
 and to make its hand the active one; what you drag moves in the plane of the screen, with **Shift**,
 the right button or *Into the picture* into it and out of it. Drag beside the duct to look
 around, scroll to come nearer.
-
+"""
+_FORCE = """\
+**By hand** the mouse leads the hook, and the beam answers with its force, shown at the arrow.
+**By the slider** the force is set, and the duct gives as far as it must. Drag beside the duct
+to look around, scroll to come nearer. *Theory* under **Compare** gives it two hands in space.
+"""
+_BED_FIGURES = """\
 **The figures.** *Distance to break* is 100 % for a slack duct and 0 % where it tears. *Freed* is
 the length about which nearly all strands have parted. *Into strands* is the part of your work that
 has parted strands; the rest has stretched the duct. Arrows show the force of each hand.
-
-**What is computed.** The duct is a beam in space, each strand a spring that yields, parts and never
-heals; the duct tears where normal stress + bending stress, nominal (force by the area at rest), >
-threshold T. Strands part only as far
-as the hands' work pays for it. Left out: fluid, cutting, heat, friction, and tissue that creeps.
-""",
-    "pull": """\
-**Goal.** Find how far the duct can be pulled before it tears.
-
-**By hand** the mouse leads the hook, and the beam answers with its force, shown at the arrow.
-**By the slider** the force is set, and the duct gives as far as it must. Drag beside the duct
-to look around, scroll to come nearer.
-
-**What is computed.** The duct is one beam between two clamps. It tears where normal stress +
+"""
+_TEARS = """\
+It tears where normal stress +
 bending stress, nominal (force by the area at rest), > threshold T. How the torn ends gape and swing
 is drawn, not computed.
-""",
-}
-_ARROWS: dict[Mode, str] = {
-    "dissect": "- **Ctrl+Arrows** turn the view; **Arrows** on a slider move it",
-    "pull": (
+"""
+_BED_COMPUTED = f"""\
+**What is computed.** The duct is a beam in space, each strand a spring that yields, parts and never
+heals. {_TEARS.strip()} Strands part only as far
+as the hands' work pays for it. Left out: fluid, cutting, heat, friction, and tissue that creeps.
+"""
+_FREE_COMPUTED = f"""\
+**What is computed.** The duct is one beam between two clamps. {_TEARS.strip()}
+"""
+
+
+def keys_of(session: Session) -> tuple[Key, ...]:
+    """Return the keys for what is in hand."""
+    return (*(_IN_SPACE if session.specimen.theory is None else _IN_PLANE), *_ALL)
+
+
+def _help(session: Session) -> str:
+    in_plane, in_bed = session.specimen.theory is not None, session.specimen.bed is not None
+    parts = [
+        _BED_GOAL if in_bed else _FREE_GOAL,
+        _FORCE if in_plane else _HANDS,
+        *([_BED_FIGURES] if in_bed else []),
+        _BED_COMPUTED if in_bed else _FREE_COMPUTED,
+    ]
+    arrows = (
         "- **Arrows** on *Force F*: 1 % of the force at break, with **Shift** 0.1 %; elsewhere "
         "they turn the view"
-    ),
-}
-
-
-def _help(mode: Mode) -> str:
-    keys = DISSECT_KEYS if mode == "dissect" else PULL_KEYS
-    listed = "\n".join(f"- **{key.name}** {key.title}: {key.meaning}" for key in keys)
+        if in_plane
+        else "- **Ctrl+Arrows** turn the view; **Arrows** on a slider move it"
+    )
+    listed = "\n".join(f"- **{key.name}** {key.title}: {key.meaning}" for key in keys_of(session))
+    about = "\n".join(parts)
     return (
-        f"{_HOW[mode]}\n**Words** with dots under them, and measures with a question mark, explain "
+        f"{about}\n**Words** with dots under them, and measures with a question mark, explain "
         "themselves: rest the\nmouse on them, or click.\n\n**Keys**\n\n"
-        f"{listed}\n- **M** Dissect or Pull\n{_ARROWS[mode]}\n"
+        f"{listed}\n- **M** The next scene: a duct in its bed, or free\n{arrows}\n"
         "- **Esc** closes a page like this one\n- **Ctrl+K** all commands\n"
     )
 
 
-def _first_minute(mode: Mode) -> str:
-    lines = "".join(f"<li>{line}</li>" for line in _LINES[mode])
+def _first_minute(session: Session) -> str:
+    lines = _FREE_LINES if session.specimen.bed is None else _BED_LINES
+    items = "".join(f"<li>{line}</li>" for line in lines)
     return (
         "<ol data-testid='first-minute' style='margin:0;padding:0 12px 12px 30px;font-size:16px;"
-        f"line-height:1.6'>{lines}</ol>"
+        f"line-height:1.6'>{items}</ol>"
     )
 
 
-def show_first_minute(client: viser.ClientHandle, mode: Mode) -> None:
+def show_first_minute(client: viser.ClientHandle, session: Session) -> None:
     """Show the three lines for the first minute over the page, until they are dismissed."""
     gui = client.gui
 
@@ -139,7 +145,7 @@ def show_first_minute(client: viser.ClientHandle, mode: Mode) -> None:
         client.local_storage.set_item(SEEN, "1")
 
     with dialog(gui, "Blunt-dissection trainer", closed=remember) as close:
-        gui.add_html(_first_minute(mode))
+        gui.add_html(_first_minute(session))
         on_click(gui.add_button("Start", icon=viser.Icon.HAND_MOVE), close)
 
 
@@ -147,12 +153,12 @@ SEEN = "first-minute"
 """Key under which the browser remembers that it has shown the first minute."""
 
 
-def show_help(client: viser.ClientHandle, mode: Mode) -> None:
+def show_help(client: viser.ClientHandle, session: Session) -> None:
     """Show the whole help over the page, until it is closed."""
     gui = client.gui
     with dialog(gui, "Help"):
-        gui.add_html(_first_minute(mode))
-        gui.add_markdown(_help(mode))
+        gui.add_html(_first_minute(session))
+        gui.add_markdown(_help(session))
         letters = gui.add_checkbox(
             "Letter keys",
             initial_value=letter_keys_on(client),

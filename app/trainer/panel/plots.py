@@ -17,7 +17,6 @@ __all__ = [
     "LIMIT_COLOUR",
     "TO_BREAK",
     "Curve",
-    "add_dissection_plots",
     "add_series_plots",
     "axes",
     "dots",
@@ -109,48 +108,49 @@ def _mark(series: uplot.Series) -> str:
 
 
 def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
-    """Plot a pull over time: the force, and what its exercise's goal and limits are about."""
+    """Plot a run over time: what its exercise's goal and limits are about, and the forces."""
     limits = {} if exercise is None else exercise.limit_of
-    time, percent = series["time_s"], 100.0 * np.clip(series["distance_to_break"], 0.0, 1.0)
     goal = None if exercise is None else exercise.goal
     band = None if goal is None else goal.band
-    if band is not None:
-        _add_plot(gui, time, "deflection (mm)", {"#e8eaed": series["deflection_mm"]}, band=band)
     margin = None
     if isinstance(goal, Stay) and band is None:
         margin = 100.0 * goal.low, 100.0 * goal.high
-    distance = {DISTANCE_COLOUR: percent}
-    if margin is not None:
-        _add_plot(gui, time, TO_BREAK, distance, band=margin, top=108.0)
-    force = {HAND_COLOURS[0]: series["force_N"]}
-    _add_plot(gui, time, "force F (N)", force, limits.get("maximum_force_N"))
+    time, in_space = series["time_s"], "stress_ratio" in series.columns
+    left = 1.0 - series["stress_ratio"] if in_space else series["distance_to_break"]
+    reserve = limits.get("smallest_distance_to_break")
+    if (ratio := limits.get("peak_stress_ratio")) is not None:
+        reserve = 1.0 - ratio
+    hands = (
+        [
+            np.sqrt(sum(series[f"hand_{hand + 1}_force_{axis}_N"] ** 2 for axis in "xyz"))
+            for hand in range(HANDS)
+        ]
+        if in_space
+        else [series["force_N"]]
+    )
+    forces: dict[str, Curve] = dict(zip(HAND_COLOURS, hands, strict=False))
+    if band is not None:
+        _add_plot(gui, time, "deflection (mm)", {"#e8eaed": series["deflection_mm"]}, band=band)
+    _add_plot(
+        gui,
+        time,
+        TO_BREAK,
+        {DISTANCE_COLOUR: 100.0 * np.clip(left, 0.0, 1.0)},
+        None if reserve is None or margin is not None else 100.0 * reserve,
+        band=margin,
+        top=108.0,
+    )
+    _add_plot(gui, time, "force (N)", forces, limits.get("maximum_force_N"))
     rate = limits.get("maximum_loading_rate_N_per_s")
     if rate is not None:
         rates = np.maximum(loading_rates(series), 0.0)
         _add_plot(gui, time, "loading (N/s)", {"#c58af9": rates}, rate)
-    if margin is None:
-        reserve = limits.get("smallest_distance_to_break")
-        limit = None if reserve is None else 100.0 * reserve
-        _add_plot(gui, time, TO_BREAK, distance, limit, top=108.0)
-    marks = [goal_area()] * (band is not None or margin is not None)
-    gui.add_html(key_html(marks + [LIMIT] * bool(limits)))
-
-
-def add_dissection_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | None) -> None:
-    """Plot a dissection over time: the forces of both hands, what is freed, and the break."""
-    ratio = None if exercise is None else exercise.limit_of.get("peak_stress_ratio")
-    limit = None if ratio is None else 100.0 * (1.0 - ratio)
-    time, percent = series["time_s"], 100.0 * np.clip(1.0 - series["stress_ratio"], 0.0, 1.0)
-    forces = [
-        np.sqrt(sum(series[f"hand_{hand + 1}_force_{axis}_N"] ** 2 for axis in "xyz"))
-        for hand in range(HANDS)
-    ]
-    hands: dict[str, Curve] = dict(zip(HAND_COLOURS, forces, strict=True))
-    _add_plot(gui, time, TO_BREAK, {DISTANCE_COLOUR: percent}, limit, top=108.0)
-    _add_plot(gui, time, "force (N)", hands)
-    _add_plot(gui, time, "freed (mm)", {"#e8eaed": series["freed_mm"]})
+    if "freed_mm" in series.columns:
+        _add_plot(gui, time, "freed (mm)", {"#e8eaed": series["freed_mm"]})
     names = zip(("left hand", "right hand"), HAND_COLOURS, strict=True)
-    gui.add_html(key_html([line(*each, 2.0) for each in names] + [LIMIT] * (limit is not None)))
+    marks = [line(*each, 2.0) for each in names] if in_space else []
+    marks += [goal_area()] * (band is not None or margin is not None) + [LIMIT] * bool(limits)
+    gui.add_html(key_html(marks))
 
 
 def _add_plot(

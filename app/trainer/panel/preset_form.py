@@ -16,7 +16,7 @@ from app.simulation import (
     preset_toml,
     read_preset,
 )
-from app.trainer.client.pull_state import PullState
+from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import (
     KPA_PER_MPA,
     figure,
@@ -43,7 +43,7 @@ class PresetForm:
     The session is not changed before the user applies them: a half-typed number is not a duct.
     """
 
-    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
         self._state = state
         self._dissection: Dissection | None = None
         self._shown: dict[str, float] = {}
@@ -103,7 +103,7 @@ class PresetForm:
             return
         self._dissection, preset = dissection, dissection.preset
         first, second = dissection.clamps
-        model = BeamModel.of(dissection, self._state.session.planar.theory)
+        model = BeamModel.of(dissection, self._state.session.specimen.solved_by)
         stress, force = preset.break_stress_MPa, preset.break_force_N
         figures = {
             "modulus": KPA_PER_MPA * preset.modulus_MPa,
@@ -128,7 +128,7 @@ class PresetForm:
         self._state.workers.awaited.submit((id(self), "figures"), self._preview)
 
     def _preview(self) -> None:
-        dissection, theory = self._dissection, self._state.session.planar.theory
+        dissection, theory = self._dissection, self._state.session.specimen.solved_by
         if dissection is None:
             return
         try:

@@ -1,23 +1,14 @@
 """The read-out above the sliders: distance to break in large, the other figures below."""
 
 import html
+import math
 
 from app.simulation import Phase, Reading, Session, Spread
 from app.trainer.panel.controls import KPA_PER_MPA, figure, term
 
-__all__ = [
-    "TORN",
-    "cell",
-    "cells_html",
-    "distance_html",
-    "distance_zone",
-    "duct_html",
-    "hidden_html",
-    "readout_html",
-    "zone",
-    "zone_told",
-]
+__all__ = ["HANDS", "duct_html", "hidden_html", "readout_html", "zone", "zone_while_hidden"]
 
+HANDS = ("Left hand", "Right hand")
 CAREFUL_BELOW = 0.40
 # Distances to break below which the word and the colour change.
 STOP_BELOW = 0.15
@@ -33,6 +24,14 @@ DEFLECTION = "How far the duct is pulled out where the hook holds it"
 BREAKS = "Force at which this duct tears when it is held here"
 NORMAL = "Tension along the duct, the same over its whole section"
 BENDING = "Tension at the outermost fibre from the bend"
+FREED = "Length of duct about which all strands but a few have parted"
+PARTED = "Strands that have parted, of all that held the duct; they never heal"
+PEAK = "The highest nominal stress so far by the threshold; the mark on the bar is there too"
+HAND_FORCE = "What this hand feels: its pull on the duct, or its push on strands, newtons"
+ENERGY = (
+    "Part of the work of both hands that went into strands that parted; the rest has stretched the "
+    "duct and the tissue"
+)
 THRESHOLD = "The duct tears where normal and bending stress together exceed this"
 COLOURS = {
     SAFE: "#35c28f",
@@ -45,63 +44,126 @@ COLOURS = {
 
 def zone(reading: Reading) -> str:
     """Return the word for the distance to break."""
-    if reading.phase is Phase.TORN:
-        return TORN
-    if reading.phase is Phase.TEARING:
-        return TEARING
-    return distance_zone(reading.check.distance_to_break)
+    torn = zone_while_hidden(reading.phase)
+    left = reading.distance_to_break
+    return torn or (STOP if left < STOP_BELOW else CAREFUL if left < CAREFUL_BELOW else SAFE)
 
 
-def distance_zone(distance: float) -> str:
-    """Return the word for the distance to break of a whole duct."""
-    return STOP if distance < STOP_BELOW else CAREFUL if distance < CAREFUL_BELOW else SAFE
-
-
-def zone_told(phase: Phase) -> str:
+def zone_while_hidden(phase: Phase) -> str:
     """Return the word for a tear while figures are hidden; empty while the duct is whole."""
     return {Phase.TEARING: TEARING, Phase.TORN: TORN}.get(phase, "")
 
 
 def readout_html(reading: Reading, state: str = "", spread: Spread | None = None) -> str:
-    """Return the read-out as HTML."""
-    check, phase = reading.check, reading.phase
-    torn = phase is Phase.TORN
-    stressed = 0.0 if torn else 1.0
-    normal = stressed * check.normal_stress * KPA_PER_MPA
-    bending = stressed * check.bending_stress * KPA_PER_MPA
-    event = reading.breaks_at
-    breaks_at = "never" if event is None else f"{event.force:.6g}"
-    rows = "".join(
-        (
-            cell(term("Force F", FORCE), figure(reading.force), "N"),
-            cell(term("Deflection", DEFLECTION), figure(reading.deflection), "mm"),
-            cell(
-                term("Broke at" if torn else "Breaks at", BREAKS),
-                figure(event.force if event else None),
-                "N",
-            ),
-            cell(term("Normal stress", NORMAL), figure(normal), "kPa"),
-            cell(term("Bending stress", BENDING), figure(bending), "kPa"),
-            cell(
-                term("Threshold T", THRESHOLD),
-                figure(check.threshold * KPA_PER_MPA),
-                "kPa",
-            ),
-        )
+    """Return the read-out as HTML; `state` is said before the word for the distance."""
+    torn, in_plane = reading.phase is Phase.TORN, len(reading.forces) == 1
+    left = reading.distance_to_break
+    if reading.phase is not Phase.INTACT:
+        left = min(reading.check.distance_to_break, 0.0)
+    peak = min(reading.peak_stress_ratio, 1.0)
+    mark = (
+        f"<div style='position:absolute;left:calc({100.0 * peak:.1f}% - 1px);top:0;width:2px;"
+        "height:10px;background:rgba(255,255,255,.65)'></div>"
     )
+    head = _distance_html(
+        None if torn else left, zone(reading), state, spread, "" if in_plane else mark
+    )
+    figures = "".join(f" data-{name}='{value}'" for name, value in _figures(reading).items())
+    broken = reading.phase is not Phase.INTACT
+    place = "The duct is at rest"
+    if broken or reading.stress_ratio > 0.005:
+        what = "Tore" if broken else "Highest stress"
+        place = f"{what} {reading.check.station:.1f} mm from the left clamp"
     return (
-        f"<div data-testid='readout' data-phase='{phase.value}' data-force-n='{reading.force:.6g}'"
-        f" data-deflection-mm='{reading.deflection:.6g}' data-normal-stress-kpa='{normal:.6g}'"
-        f" data-bending-stress-kpa='{bending:.6g}'"
-        f" data-threshold-kpa='{check.threshold * KPA_PER_MPA:.6g}'"
-        f" data-distance-to-break='{0.0 if torn else check.distance_to_break:.6g}'"
-        f" data-breaks-at-n='{breaks_at}'"
-        f"{distance_html(None if torn else check.distance_to_break, zone(reading), state, spread)}"
-        f"{cells_html(rows)}</div>"
+        f"<div data-testid='readout' data-phase='{reading.phase.value}'{figures}{head}"
+        f"<div data-testid='worst' style='font-size:12px;opacity:.85'>{place}.</div>"
+        "<div style='display:grid;grid-template-columns:repeat(3,1fr);gap:6px 8px;margin:8px 0'>"
+        f"{''.join(_cells(reading))}</div></div>"
     )
 
 
-def distance_html(
+def _figures(reading: Reading) -> dict[str, str]:
+    """Return the unrounded figures of a reading, for the attributes of its read-out."""
+    check, event = reading.check, reading.breaks_at
+    normal, bending = _stresses(reading)
+    torn = reading.phase is Phase.TORN
+    distance = (
+        reading.distance_to_break if reading.phase is Phase.INTACT else check.distance_to_break
+    )
+    numbers = {
+        "force-n": reading.force,
+        "deflection-mm": reading.deflection,
+        "normal-stress-kpa": normal,
+        "bending-stress-kpa": bending,
+        "threshold-kpa": check.threshold * KPA_PER_MPA,
+        "distance-to-break": 0.0 if torn else distance,
+        "worst-mm": check.station,
+    }
+    if len(reading.forces) > 1:
+        sides = zip(("left", "right"), reading.forces, strict=True)
+        numbers |= {
+            "peak": reading.peak_stress_ratio,
+            **{f"force-{side}-n": math.hypot(*force) for side, force in sides},
+            "work-mj": reading.energy.work,
+            "into-strands-mj": reading.energy.dissipated,
+            "freed-mm": reading.freed,
+            "parted": reading.broken,
+        }
+    found = {name: f"{value:.6g}" for name, value in numbers.items()}
+    return found | {"breaks-at-n": "never" if event is None else f"{event.force:.6g}"}
+
+
+def _stresses(reading: Reading) -> tuple[float, float]:
+    """Return the normal and the bending stress, kPa, which pieces do not have."""
+    kpa = 0.0 if reading.phase is Phase.TORN else KPA_PER_MPA
+    return kpa * reading.check.normal_stress, kpa * reading.check.bending_stress
+
+
+def _cells(reading: Reading) -> list[str]:
+    """Return the figures below the distance, as HTML: six of what there is to read."""
+    normal, bending = _stresses(reading)
+    event, torn = reading.breaks_at, reading.phase is Phase.TORN
+    stresses = [
+        _cell(term("Normal stress", NORMAL), figure(normal), "kPa"),
+        _cell(term("Bending stress", BENDING), figure(bending), "kPa"),
+        _cell(term("Threshold T", THRESHOLD), figure(reading.check.threshold * KPA_PER_MPA), "kPa"),
+    ]
+    if len(reading.forces) == 1:
+        broke = term("Broke at" if torn else "Breaks at", BREAKS)
+        return [
+            _cell(term("Force F", FORCE), figure(reading.force), "N"),
+            _cell(term("Deflection", DEFLECTION), figure(reading.deflection), "mm"),
+            _cell(broke, figure(event.force if event else None), "N"),
+            *stresses,
+        ]
+    peak = 100.0 * min(reading.peak_stress_ratio, 1.0)
+    hands = [
+        _cell(term("Peak", PEAK), f"{peak:.0f}", "% of break"),
+        *(
+            _cell(term(hand, HAND_FORCE), figure(math.hypot(*force)), "N")
+            for hand, force in zip(HANDS, reading.forces, strict=True)
+        ),
+    ]
+    if not reading.strands:
+        return hands + stresses
+    energy = reading.energy
+    # The first touch is all stretch: nothing is said of less than a hundredth of a millijoule.
+    part = (
+        100.0 * min(max(energy.dissipated / energy.work, 0.0), 1.0) if energy.work > 0.01 else None
+    )
+    return [
+        _cell(term("Freed", FREED), figure(reading.freed), "mm"),
+        _cell(term("Strands parted", PARTED), f"{reading.broken}", f"of {reading.strands}"),
+        *hands,
+        _cell(
+            term("Into strands", ENERGY),
+            "–" if part is None else f"{part:.0f}",
+            f"% of {energy.work:.1f} mJ",
+        ),
+    ]
+
+
+def _distance_html(
     distance: float | None,
     word: str,
     state: str = "",
@@ -146,36 +208,33 @@ def _band(spread: Spread, distance: float) -> str:
     )
 
 
-def cells_html(cells: str) -> str:
-    """Return the figures of a read-out in three columns, as HTML."""
-    return (
-        "<div style='display:grid;grid-template-columns:repeat(3,1fr);gap:6px 8px;margin:8px 0'>"
-        f"{cells}</div>"
-    )
-
-
 def duct_html(session: Session, *, figures: bool) -> str:
-    """Return which organ and section are solved, and the strength, as HTML."""
-    dissection, organ = session.tissue.dissection, session.tissue.dissection.organ
+    """Return which organ lies where, which section of a free one is solved, and its strength."""
+    specimen, tissue = session.specimen, session.tissue
+    dissection, organ, bed = tissue.dissection, tissue.dissection.organ, specimen.bed
     own = dissection.own_sections
     name = html.escape(organ.name or "Your organ")
-    shape = (
-        f"{'hollow' if organ.hollow else 'full'}, {organ.length:.4g} mm long, "
-        f"{2.0 * organ.mean_radius:.3g} mm thick"
-    )
-    colour = "inherit" if own else COLOURS[CAREFUL]
-    strength = ""
+    lines = list[str]()
+    if bed is not None:
+        title = html.escape(bed.title)
+        lines.append(f"<div><b>{name}</b> in <b>{title}</b>, bed {specimen.bed_seed}.</div>")
+    else:
+        shape = (
+            f"{'hollow' if organ.hollow else 'full'}, {organ.length:.4g} mm long, "
+            f"{2.0 * organ.mean_radius:.3g} mm thick"
+        )
+        colour = "inherit" if own else COLOURS[CAREFUL]
+        section = html.escape(specimen.section)
+        lines.append(f"<div><b>{name}</b>: {shape}.</div>")
+        lines.append(f"<div style='color:{colour}'>Solved as {section}.</div>")
     if figures:
-        given = dissection.preset.strength
-        own_threshold = session.planar.model.threshold
-        if session.tissue.threshold != own_threshold:
-            given = f"{given}; T moved by you from {KPA_PER_MPA * own_threshold:.6g} kPa"
-        strength = f"<div data-testid='strength'>Strength as given: {html.escape(given)}.</div>"
+        given = [] if bed else [f"Strength as given: {html.escape(dissection.preset.strength)}"]
+        if tissue.threshold != tissue.own_threshold:
+            given.append(f"T moved by you from {KPA_PER_MPA * tissue.own_threshold:.6g} kPa")
+        lines.append(f"<div data-testid='strength'>{'; '.join(given)}.</div>" if given else "")
     return (
         f"<div data-testid='duct' data-own-sections='{int(own)}' style='padding:0 14px 6px;"
-        f"font-size:11px;line-height:1.35'><div><b>{name}</b>: {shape}.</div>"
-        f"<div style='color:{colour}'>Solved as "
-        f"{html.escape(dissection.section(session.planar.theory))}.</div>{strength}</div>"
+        f"font-size:11px;line-height:1.35'>{''.join(lines)}</div>"
     )
 
 
@@ -205,7 +264,7 @@ def _bar(used: float, mark: str) -> str:
     )
 
 
-def cell(name: str, value: str, unit: str) -> str:
+def _cell(name: str, value: str, unit: str) -> str:
     """Return one figure of a read-out, as HTML."""
     return (
         f"<div><div style='font-size:11px;opacity:.75;white-space:nowrap'>{name}</div>"

@@ -4,9 +4,10 @@ from collections.abc import Callable
 
 import viser
 
-from app.simulation import RunFile, run_json
-from app.trainer.client.client_state import ClientState
+from app.simulation import RunFile, read_run, run_json
+from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
+from app.trainer.panel.export_box import add_export
 from app.trainer.panel.result_page import run_name
 
 __all__ = ["ReplayTab"]
@@ -22,7 +23,7 @@ STEP = 0.01
 class ReplayTab:
     """The tab of replays."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
         self._state = state
         self._time = gui.add_slider(
             "Time (s)", min=0.0, max=1.0, step=STEP, initial_value=0.0, visible=False
@@ -44,7 +45,8 @@ class ReplayTab:
             )
         self._json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
         self._csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
-        self._told = gui.add_html(note(_TELLING))
+        add_export(gui, state)
+        gui.add_html(note(_TELLING))
         self._playing = False
         self._put = 0.0
         self._of: object = None
@@ -59,7 +61,7 @@ class ReplayTab:
         @self._open.on_upload
         def _(_: object) -> None:
             content = self._open.value.content
-            self.replay(lambda: state.read_run(content))
+            self.replay(lambda: read_run(content))
 
     def replay(self, read: Callable[[], RunFile]) -> None:
         """Replay a run, or say why that is not possible."""

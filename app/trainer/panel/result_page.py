@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from typing import TypeVar
 
 import msgspec
 import viser
@@ -17,19 +16,14 @@ from app.simulation import (
     perform,
     run_json,
 )
-from app.trainer.client.client_state import ClientState
-from app.trainer.client.dissect_state import DissectState
-from app.trainer.client.pull_state import PullState
+from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import note, on_click
 from app.trainer.panel.dialog import dialog
 from app.trainer.panel.measures_table import measures_html, outcome_html
-from app.trainer.panel.plots import add_dissection_plots, add_series_plots
+from app.trainer.panel.plots import add_series_plots
 
-__all__ = ["ResultPage", "run_name", "run_title", "show_dissection_result", "show_pull_result"]
+__all__ = ["run_name", "run_title", "show_result"]
 
-StateT = TypeVar("StateT")
-ResultPage = Callable[[StateT, RunFile, Callable[[], None], Callable[[], None]], None]
-"""Opens a run's result page, with what tries its exercise again and what replays it."""
 # Earlier tries shown beside a result.
 TRIES_BESIDE = 2
 _BESIDE = (
@@ -39,7 +33,7 @@ _BESIDE = (
 _SLIDERS = "Sliders and keys were allowed in this exercise."
 
 
-def _expert(run: RunFile, state: ClientState) -> Metrics | None:
+def _expert(run: RunFile, state: PageState) -> Metrics | None:
     """Return the measures of good scripted hands in the same exercise; None for a free run."""
     exercise = run.log.exercise
     if exercise is None or exercise.name not in MANNERS:
@@ -80,21 +74,23 @@ def run_name(run: RunFile) -> str:
     return f"{what}-{datetime.now():%Y-%m-%d-%H%M%S}"
 
 
-def _open(
-    state: ClientState,
-    run: RunFile,
-    measures: str,
-    add_plots: Callable[[viser.GuiApi], object],
-    *,
-    again: Callable[[], object],
-    watch: Callable[[], object],
-    remark: str = "",
+def show_result(
+    state: PageState, run: RunFile, again: Callable[[], object], watch: Callable[[], object]
 ) -> None:
-    """Open a page over the trainer: the outcome, tabs of measures and plots, and what to do next.
+    """Open a run's result over the trainer: how it ended, measures, plots, and what to do next.
 
-    `again` starts the same exercise again, if the run has one; `watch` replays the run.
+    Replaying the run for its plots takes a while. `again` starts the same exercise again, if the
+    run has one; `watch` replays the run.
     """
     gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
+    series = state.replay_of(run, vertices=FEW).series()
+    measures = measures_html(
+        run.metrics,
+        _beside(state.session.earlier_tries(run), _expert(run, state)),
+        {} if exercise is None else exercise.limit_of,
+        sought_break=_seeks_break(exercise),
+    )
+    by_sliders = exercise is not None and run.log.exercise_inputs == "any"
     with dialog(gui, "Result") as close:
 
         def closing(action: Callable[[], object]) -> Callable[[], None]:
@@ -104,14 +100,14 @@ def _open(
 
             return press
 
-        gui.add_html(outcome_html(run.outcome, run_title(run), remark))
+        gui.add_html(outcome_html(run.outcome, run_title(run), _SLIDERS if by_sliders else ""))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Measures"):
             gui.add_html(measures)
             if exercise is not None:
                 gui.add_html(note(_BESIDE))
         with tabs.add_tab("Over time"):
-            add_plots(gui)
+            add_series_plots(gui, series, exercise)
         if exercise is not None:
             retry = gui.add_button("Try again", icon=viser.Icon.REFRESH, color="teal")
             on_click(retry, closing(again))
@@ -121,50 +117,3 @@ def _open(
     on_click(replay, closing(watch))
     on_click(csv, lambda: state.send_file(f"{name}.csv", state.run_csv(run)))
     on_click(json, lambda: state.send_file(f"{name}.json", run_json(run)))
-
-
-def show_pull_result(
-    state: PullState, run: RunFile, again: Callable[[], object], watch: Callable[[], object]
-) -> None:
-    """Open the result page of a pull; replaying the run for its plots takes a while."""
-    series, exercise = state.replay_of(run, vertices=FEW).series(), run.log.exercise
-    table = measures_html(
-        run.metrics,
-        _beside(state.session.earlier_tries(run), _expert(run, state)),
-        {} if exercise is None else exercise.limit_of,
-        sought_break=_seeks_break(exercise),
-    )
-    by_sliders = exercise is not None and run.log.exercise_inputs == "any"
-
-    _open(
-        state,
-        run,
-        table,
-        lambda gui: add_series_plots(gui, series, exercise),
-        again=again,
-        watch=watch,
-        remark=_SLIDERS if by_sliders else "",
-    )
-
-
-def show_dissection_result(
-    state: DissectState,
-    run: RunFile,
-    again: Callable[[], object],
-    watch: Callable[[], object],
-) -> None:
-    """Open the result page of a dissection; replaying the run for its plots takes a while."""
-    series, exercise = state.replay_of(run, vertices=FEW).series(), run.log.exercise
-    table = measures_html(
-        run.metrics,
-        _beside(state.earlier_tries(run), _expert(run, state)),
-        {} if exercise is None else exercise.limit_of,
-    )
-    _open(
-        state,
-        run,
-        table,
-        lambda gui: add_dissection_plots(gui, series, exercise),
-        again=again,
-        watch=watch,
-    )

@@ -1,11 +1,9 @@
 """The choice of the band of *Distance to break*: how far ducts differ in modulus and strength."""
 
-from collections.abc import Callable
-
 import viser
 
-from app.simulation import LIMITS, Preset, Spread
-from app.trainer.client.client_state import ClientState
+from app.simulation import LIMITS, Spread
+from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import number, on_input, set_if_changed
 
 __all__ = ["SpreadBox"]
@@ -16,8 +14,8 @@ HINT = "Two thirds of ducts lie within this factor of the preset's figure; 1: al
 class SpreadBox:
     """A checkbox and two factors."""
 
-    def __init__(self, gui: viser.GuiApi, state: ClientState, preset: Callable[[], Preset]) -> None:
-        self._state, self._find, self._preset = state, preset, preset()
+    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
+        self._state, self._preset = state, state.session.specimen.preset
         spread = state.spread or Spread.of(self._preset)
         self._on = gui.add_checkbox(
             "90 % band",
@@ -44,7 +42,7 @@ class SpreadBox:
 
     def show(self) -> None:
         """Take the factors of another preset."""
-        preset = self._find()
+        preset = self._state.session.specimen.preset
         if preset == self._preset:
             return
         self._preset, spread = preset, Spread.of(preset)

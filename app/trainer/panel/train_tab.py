@@ -1,151 +1,76 @@
-"""Train: what the duct is pulled with, and what is shown of it."""
+"""Train: what hands or a force do to the duct, what colours it, and a plot of what comes of it."""
 
-import time
-
-import numpy as np
 import viser
 
-from app.simulation import Phase, Reading
-from app.trainer.client.pull_state import HAND_ONLY, PullState
-from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
-from app.trainer.panel.pull_plot import PullPlot
-from app.trainer.viser_bridge.page import set_arrow_step
+from app.simulation import Reading
+from app.trainer.client.page_state import PageState
+from app.trainer.panel.controls import Choice, on_click, set_if_changed
+from app.trainer.panel.force_box import ForceBox
+from app.trainer.panel.force_curve import ForceCurve
+from app.trainer.panel.hands_box import HandsBox
+from app.trainer.panel.last_seconds import LastSeconds
+from app.trainer.scene.tissue_scene import Colours
+from app.trainer.viser_bridge.page import pairs_html
 
-__all__ = ["TrainTab", "slider_step"]
+__all__ = ["TrainTab"]
 
-# Change of the force by an arrow key, over the force at break.
-ARROW = 0.01
-CROSSING_SECONDS = 0.5
-"""Within it a force set here and one set in the page may have met on their way."""
+COLOURED: dict[Colours, tuple[str, str]] = {
+    "tissue": ("Tissue", "The duct as it looks (H)"),
+    "stress": ("Stress", "Tensile stress at the wall, from none to the threshold (H)"),
+    "freed": ("Freed", "Where the strands about the duct have parted (H)"),
+}
 
 
 class TrainTab:
-    """The tab that the page opens on."""
+    """The tab that the page opens on: a force where a theory solves the duct, else the hands."""
 
-    def __init__(self, gui: viser.GuiApi, state: PullState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
         self._state = state
-        session = state.session
-        self._scale = 0.0
-        low, high = session.planar.grasp_range
-        self._force = gui.add_slider(
-            "Force F (N)",
-            min=0.0,
-            max=session.planar.force_limit,
-            step=_force_step(session.planar.force_limit),
-            initial_value=session.planar.grasper.slider_force,
-            hint="The grasper's whole force across the duct. Or drag the duct with the mouse.",
-        )
-        self._grasp = gui.add_slider(
-            "Grasp (mm)",
-            min=round(low, 1),
-            max=round(high, 1),
-            step=0.1,
-            initial_value=round(session.planar.grasp, 1),
-            hint="Where the hook holds the duct, from the left clamp",
-        )
-        self._hand_only = gui.add_html(note(HAND_ONLY, "hand-only"), visible=False)
-        self._heat = gui.add_checkbox(
-            "Stress (H)",
-            initial_value=state.heat,
-            hint="Colour the surface by its tensile stress, from none to the threshold",
-        )
+        gui.add_html(pairs_html())
+        self._force = ForceBox(gui, state) if state.in_plane else None
+        self._hands = None if state.in_plane else HandsBox(gui, state)
+        words: dict[Colours, tuple[str, str]] = {
+            each: COLOURED[each] for each in state.colours_offered
+        }
+        self._colours = Choice(gui, "Colours", words, lambda value: state.show(colours=value))
         self._pause = gui.add_button(
             "Pause (P)", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint="Let time stand still"
         )
         self._reset = gui.add_button(
-            "Reset (R)", icon=viser.Icon.REFRESH, hint="Let go and start with a whole duct"
+            "Reset (R)", icon=viser.Icon.REFRESH, hint="Let go, and make all whole"
         )
-        self._plot = PullPlot(gui, state.workers.background)
-        self._model: object = None
-        self._cause: object = None
-        self._set_at = -CROSSING_SECONDS
-
-        on_input(self._force, lambda value: self._take_force(number(value)))
-        on_input(self._grasp, lambda value: session.set_grasp(number(value)))
-        on_input(self._heat, lambda value: state.show(heat=value is True))
-        on_click(self._reset, state.reset)
+        if self._hands is not None:
+            self._hands.add_lower(gui)
+        self._curve = ForceCurve(gui, state.workers.background) if state.in_plane else None
+        self._last = None if state.in_plane else LastSeconds(gui)
         on_click(self._pause, lambda: state.set_paused(not state.paused))
-        self.take_ranges()
+        on_click(self._reset, state.reset)
 
-    def _take_force(self, force: float) -> None:
-        """Pull with the force of the slider."""
-        self._state.set_target_force(force)
-        if time.monotonic() - self._set_at < CROSSING_SECONDS:
-            # The page may have taken the force set here after its own: it is sent what acts. viser
-            # sends a value that has changed only, and of several the last.
-            self._force.value = 0.0 if force > 0.0 else self._force.max
-            self._force.value = force
-
-    def take_ranges(self) -> None:
-        """Bring the ranges of the inputs in line with the session's."""
-        session = self._state.session
-        model = session.tissue.dissection, session.planar.theory
-        if model == self._model:
-            return
-        self._model = model
-        limit = session.planar.force_limit
-        step = _force_step(limit)
-        self._force.max, self._force.step = limit, step
-        self._force.precision = max(0, -round(np.log10(step)))
-        low, high = session.planar.grasp_range
-        self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
-        self._grasp.value = round(session.planar.grasp, 1)
-        self._set_force(min(session.planar.grasper.slider_force, limit))
+    @property
+    def needs_redraw(self) -> bool:
+        """Whether the plot has to go on although nothing has moved."""
+        return self._last is not None and self._last.needs_redraw(self._state.shown)
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
         state = self._state
-        visible = state.figures_visible
-        self.take_ranges()
-        hand_only = state.session.run.hand_only
-        live = state.playback is None and reading.phase is Phase.INTACT
-        set_if_changed(self._hand_only, visible=state.playback is None and hand_only)
-        set_if_changed(self._force, visible=state.playback is None and visible)
-        set_if_changed(self._grasp, visible=state.playback is None)
-        for slider in (self._force, self._grasp):  # a torn duct keeps their place
-            set_if_changed(slider, disabled=not live or hand_only)
-        set_if_changed(self._heat, visible=visible)
-        set_if_changed(self._pause, visible=state.playback is None and not state.in_exercise)
-        set_if_changed(self._reset, visible=state.playback is None)
-        self._plot.visible = visible
-        if visible:
-            self._plot.show(state.shown, reading)
-        set_if_changed(self._heat, value=state.heat)
-        set_if_changed(self._pause, label="Go on (P)" if state.paused else "Pause (P)")
-        self._follow(reading, live=live, visible=visible)
-        event = reading.breaks_at
-        scale = self._force.max if event is None else event.force
-        if visible and scale != self._scale:
-            self._scale = scale
-            set_arrow_step(state.client, self._force, ARROW * scale)
-
-    def _follow(self, reading: Reading, *, live: bool, visible: bool) -> None:
-        """Let the sliders follow changes they did not make: a hand, a reset, a ramp or a tear.
-
-        A slider's own change is never sent back: the hand on it is ahead of what has arrived here.
-        """
-        session = self._state.session
-        cause = (self._state.pulls, live, visible, reading.by_hand)
-        if cause == self._cause and not reading.by_hand:
-            return
-        self._cause = cause
-        wanted = session.planar.grasper.slider_force if live and visible else 0.0
-        step = self._force.step
-        force = min(max(round(wanted / step) * step, 0.0), self._force.max)
-        self._set_force(force)
-        set_if_changed(self._grasp, value=round(session.planar.grasp, 1))
-
-    def _set_force(self, force: float) -> None:
-        if abs(self._force.value - force) > 1e-9:  # more than the page's rounding of its own value
-            self._force.value = force
-            self._set_at = time.monotonic()
-
-
-def _force_step(limit: float) -> float:
-    """Return a slider step of at most a tenth of a percent of the limit."""
-    return 0.1 * slider_step(limit)
-
-
-def slider_step(limit: float) -> float:
-    """Return the power of ten that divides a scale into 100 to 1000 steps."""
-    return float(10.0 ** (np.floor(np.log10(limit)) - 2.0))
+        visible, shown = state.figures_visible, state.shown
+        in_plane = shown.specimen.theory is not None  # what is replayed may be another's
+        if self._force is not None:
+            self._force.show(reading if state.playback is None else state.session.reading())
+        if self._hands is not None and not in_plane:
+            self._hands.show(reading)
+        self._colours.show(state.colours)
+        live = state.playback is None
+        set_if_changed(
+            self._pause,
+            visible=live and not state.in_exercise,
+            label="Go on (P)" if state.paused else "Pause (P)",
+        )
+        set_if_changed(self._reset, visible=live)
+        if self._curve is not None:
+            self._curve.visible = visible and in_plane
+            if visible and in_plane:
+                self._curve.show(shown, reading)
+        if self._last is not None:
+            self._last.show(shown, reading, figures=visible and not in_plane)

@@ -1,20 +1,18 @@
-"""Annotations of the scene: force arrow, goal, model points, ghost and mass-spring chain."""
+"""Annotations of the scene: goals, model points, ghost and mass-spring chain."""
 
 import numpy as np
 import viser
 
-from app.simulation import Dissection, Phase, Reading, Session
+from app.simulation import Dissection, Exercise, FreeLength, Phase, Reading, Session
 from app.trainer.scene.comparison_meshes import ChainLines, GhostMesh
-from app.trainer.scene.force_arrow import ForceArrow
-from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand
+from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand, GoalStretch
 from app.trainer.scene.overlay import Overlay
+from app.trainer.stage.appearance import drawn_radius
 
 __all__ = ["Annotations"]
 
 # Distance of the chain before the duct's axis, in radii: the viewer sees it beside the duct.
 CHAIN_ASIDE = 1.9
-ARROW_FOOT = 1.25
-"""Height of the arrow's foot above the duct's axis, in radii: above the wall."""
 
 
 class Annotations:
@@ -23,8 +21,9 @@ class Annotations:
     def __init__(self, client: viser.ClientHandle) -> None:
         self._client = client
         self._dissection: Dissection | None = None
-        self._arrow: ForceArrow | None = None
         self._goal: GoalBand | None = None
+        self._stretch: GoalStretch | None = None
+        self._stretch_of: Exercise | None = None
         self._overlay: Overlay | None = None
         self._ghost: GhostMesh | None = None
         self._chain: ChainLines | None = None
@@ -42,26 +41,11 @@ class Annotations:
                 organ = dissection.organ
                 self._radius = organ.mean_radius
                 self._first = organ.axis_at(np.array(dissection.clamps[:1]))[0]
-            self._draw_arrow(dissection, reading, figures and whole)
             self._draw_goal(session, reading, figures)
+            self._draw_stretch(session)
             self._draw_overlay(session, overlay and whole)
             self._draw_ghost(session, figures)
             self._draw_chain(session, figures)
-
-    def _draw_arrow(self, dissection: Dissection, reading: Reading, wanted: bool) -> None:
-        wanted = wanted and reading.held and reading.force > 0.0
-        if self._arrow is None:
-            if not wanted:
-                return
-            self._arrow = ForceArrow(self._client.scene, dissection.beam.span)
-        self._arrow.visible = wanted
-        if wanted:
-            event = reading.breaks_at
-            up = dissection.frame[:, 2]
-            foot = self._first + dissection.frame @ np.array(reading.hook)
-            foot += ARROW_FOOT * self._radius * up
-            at_break = reading.force if event is None else event.force
-            self._arrow.show(foot, reading.force * up, at_break=at_break)
 
     def say_standing(self, session: Session, *, figures: bool) -> None:
         """Write at the goal what to do now; the text changes with time even if nothing moves."""
@@ -84,6 +68,25 @@ class Annotations:
         low, high = (edge + each * frame[:, 2] for each in band)
         self._goal.show(low, high, HALF_LENGTH * session.tissue.dissection.beam.span * frame[:, 0])
         self.say_standing(session, figures=figures)
+
+    def _draw_stretch(self, session: Session) -> None:
+        """Mark the stretch that an exercise is about, if that is not the whole duct."""
+        exercise = None if session.run.over else session.run.exercise
+        if exercise is self._stretch_of:
+            return
+        self._stretch_of = exercise
+        if self._stretch is not None:
+            self._stretch.remove()
+            self._stretch = None
+        goal = None if exercise is None else exercise.goal
+        if exercise is None or exercise.opening is None or not isinstance(goal, FreeLength):
+            return
+        divided = exercise.opening.divided
+        if divided or goal.from_mm > 0.0:
+            # Of a divided duct, from where it is free already.
+            low = goal.to_mm - goal.length_mm if divided else goal.from_mm
+            radius = drawn_radius(session.tissue.dissection)
+            self._stretch = GoalStretch(self._client.scene, low, goal.to_mm, radius)
 
     def _draw_overlay(self, session: Session, wanted: bool) -> None:
         if self._overlay is None:
@@ -122,8 +125,8 @@ class Annotations:
 
     def remove(self) -> None:
         """Remove all annotations from the scene."""
-        for aid in (self._arrow, self._goal, self._overlay, self._ghost, self._chain):
+        for aid in (self._goal, self._stretch, self._overlay, self._ghost, self._chain):
             if aid is not None:
                 aid.remove()
-        self._arrow = self._goal = None
+        self._goal = self._stretch = self._stretch_of = None
         self._overlay = self._ghost = self._chain = None

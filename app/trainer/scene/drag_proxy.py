@@ -103,19 +103,19 @@ class DragProxy:
     `grabbed` is called with the hold when a drag starts, `moved` whenever the hand has moved,
     `released` when the hand lets go or the duct cannot be held any more. They run in order on the
     server's event loop, some twenty times a second, so they must only write inputs. `in_screen`
-    tells whether what is held moves in the screen's plane or in that of the pull.
+    says whether what is held moves in the screen's plane or in that of the pull; it is set before
+    what it is for.
     """
 
     def __init__(
         self,
         client: viser.ClientHandle,
         *,
-        in_screen: bool = False,
         grabbed: Callable[[Hold], None],
         moved: Callable[[Hold], None],
         released: Callable[[], None],
     ) -> None:
-        self._client, self._in_screen = client, in_screen
+        self._client, self.in_screen = client, False
         self._grabbed, self._moved, self._released = grabbed, moved, released
         self._tubes: list[_Tube] = []
         self._instruments: dict[str, tuple[int, viser.MeshHandle]] = {}
@@ -169,7 +169,7 @@ class DragProxy:
 
     def _listen(self, mesh: viser.MeshHandle, start: _Start) -> None:
         self._lead(mesh, start, button="left", modifier=None)
-        if self._in_screen:
+        if self.in_screen:
             self._lead(mesh, start, button="left", modifier="shift", depth=True)
             self._lead(mesh, start, button="right", modifier=None, depth=True)
 
@@ -210,7 +210,7 @@ class DragProxy:
                 self._grabbed(self._hold)
             elif self._hold is not None:
                 held = self._hold
-                if self._in_screen:
+                if self.in_screen:
                     moved = hand - begun
                     place = at + (self._into_picture(moved) if into else moved)
                 else:
@@ -218,7 +218,7 @@ class DragProxy:
                 self._hold = Hold(held.station, held.start, place, held.hand)
                 if event.phase != "end":
                     self._moved(self._hold)
-                elif self._in_screen:
+                elif self.in_screen:
                     self._ending = asyncio.get_running_loop().call_later(
                         SWITCH_SECONDS, self._end_now
                     )
@@ -246,7 +246,7 @@ class DragProxy:
         self, hand: NDArray[np.float64], grip: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the place under the mouse, in the screen's plane or that of the pull."""
-        if self._in_screen:
+        if self.in_screen:
             return hand
         # viser gives the hand's place on a plane that faces the camera. The line of sight through
         # it intersects the plane of the pull at the place that the user points at.

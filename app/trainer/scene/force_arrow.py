@@ -20,7 +20,7 @@ class ForceArrow(Drawn):
     `span`, between the clamps, mm: the force at break is drawn a fifth as long.
     """
 
-    def __init__(self, scene: viser.SceneApi, span: float, name: str = "/organ/force") -> None:
+    def __init__(self, scene: viser.SceneApi, span: float, name: str) -> None:
         self._length = 0.2 * span
         self._arrow = scene.add_arrows(
             name,

@@ -23,13 +23,12 @@ from websockets.asyncio.server import ServerConnection
 from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, Session, free_specimen
-from app.trainer.classroom.lesson import Lesson, ToWatch
+from app.trainer.classroom.lesson import Lesson, WatchRequest
 from app.trainer.classroom.teacher_page import TeacherPage
-from app.trainer.client.client_state import EXPORT_VERTICES, MODES, Mode, Workers, explained
-from app.trainer.client.dissect_state import DissectState
 from app.trainer.client.haptic_hand import HapticHand, felt_in
-from app.trainer.client.practice import Practice
-from app.trainer.client.pull_state import PullState
+from app.trainer.client.page_state import PageState
+from app.trainer.client.practice import OLDER_NAMES, SCENES, Practice, SceneName
+from app.trainer.client.workers import EXPORT_VERTICES, Workers, explained
 from app.trainer.connections.bounds import Bounds, Connections, PageConnection, socket_options
 from app.trainer.connections.guard import Guard
 from app.trainer.panel.help import SEEN, show_first_minute
@@ -39,7 +38,7 @@ from app.trainer.server.sessions import Sessions, SessionsFullError
 from app.trainer.server.warm_up import WarmUp
 from app.trainer.stage.camera import OVERVIEW
 from app.trainer.stage.lighting import LookChoice
-from app.trainer.view.client_view import ClientView
+from app.trainer.view.page_view import PageView
 from app.trainer.viser_bridge.fast_transport import wakes_once
 from app.trainer.viser_bridge.page import asked_by_address, kept_by_tab, prepare_page, tab_keeps
 from app.trainer.viser_bridge.private_api import (
@@ -70,7 +69,7 @@ LOST = (
 )
 
 # A client's number and view, and whether it is drawn in this tick.
-_Turn: TypeAlias = tuple[int, ClientView, bool]
+_Turn: TypeAlias = tuple[int, PageView, bool]
 
 log = logging.getLogger(__name__)
 
@@ -90,9 +89,9 @@ class Trainer:
         Address to serve, loopback by default; port 0 takes a free one; encrypts what is sent.
     token
         What the link must have; made when None, where the address is not loopback.
-    mode, look
-        What a page opens on, if its address does not say `?mode=`; "auto" is the full look, and the
-        "plain" one for slow pages.
+    scene, look
+        What a page opens on, if its address does not say `?scene=`; "auto" is the full look,
+        and the "plain" one for slow pages.
     bounds
         Limits of what clients may take; usual ones when None.
     build_process
@@ -134,7 +133,7 @@ class Trainer:
         host: str = "127.0.0.1",
         token: str | None = None,
         port: int,
-        mode: Mode | None = None,
+        scene: SceneName | None = None,
         look: LookChoice = "full",
         bounds: Bounds | None = None,
         build_process: BuildProcess | None = None,
@@ -164,9 +163,9 @@ class Trainer:
             self._guard.teacher_page = TeacherPage(lesson, lambda: self.link)
         self._exercise_inputs: ExerciseInputs = exercise_inputs
         self._host = host
-        self._mode: Mode = mode or "dissect"
+        self._scene: SceneName = scene or "bed"
         self._look: LookChoice = look
-        self._views: dict[int, ClientView] = {}
+        self._views: dict[int, PageView] = {}
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
         self._making = threading.Lock()
@@ -193,7 +192,7 @@ class Trainer:
             except ValueError:
                 self._server.stop()
                 raise
-        self.warm_up = WarmUp(organ, preset, "plain" if look == "plain" else "full", self._mode)
+        self.warm_up = WarmUp(organ, preset, "plain" if look == "plain" else "full", self._scene)
         # What "reset view" goes to; each client's own camera is set when its scene is drawn.
         camera = self._server.initial_camera
         camera.position, camera.look_at = tuple(OVERVIEW.position), tuple(OVERVIEW.look_at)
@@ -237,10 +236,9 @@ class Trainer:
 
     @property
     def sessions(self) -> dict[int, Session]:
-        """The sessions of the pages that show a pull, by client number."""
+        """The sessions that the pages show, by client number."""
         with self._views_lock:
-            views = list(self._views.items())
-        return {number: view.session for number, view in views if view.mode == "pull"}
+            return {number: view.session for number, view in self._views.items()}
 
     @property
     def frames(self) -> dict[int, int]:
@@ -283,30 +281,29 @@ class Trainer:
                 lost = before is not None and before not in self._kept
                 token, practice = self._kept.claim(before)
                 tab_keeps(client, token)
-                watched, furnish = self._of_class(client)
+                watched, on_page_ready = self._of_class(client)
                 if watched is not None:
-                    practice.mode = watched.mode
-                elif practice.mode is None:
-                    asked = asked_by_address(client, "mode")
-                    practice.mode = asked if asked in MODES else self._mode
-                self.warm_up.wait(practice.mode)
+                    practice.scene = watched.scene
+                elif practice.scene is None:
+                    practice.scene = _asked_scene(client) or self._scene
+                self.warm_up.wait(practice.scene)
                 # One page at a time: many that open together would leave no time to the clock.
                 with self._making:
-                    view = ClientView(
+                    view = PageView(
                         client,
                         practice,
                         self._workers,
                         self._look,
                         exercise_inputs=self._exercise_inputs,
                         ready=self.warm_up.wait,
-                        furnish=furnish,
+                        on_page_ready=on_page_ready,
                     )
                 if watched is not None:
                     watched.begin(view)
                 elif lost:
                     client.add_notification("A new duct", LOST, color="yellow")
                 elif token != before and not _seen(client):
-                    show_first_minute(client, view.mode)
+                    show_first_minute(client, view.session)
         except TimeoutError:
             close_page(self._server, number, "a page that does not answer")
             return
@@ -329,14 +326,14 @@ class Trainer:
 
     def _of_class(
         self, client: viser.ClientHandle
-    ) -> tuple[ToWatch | None, Callable[[ClientView], object]]:
+    ) -> tuple[WatchRequest | None, Callable[[PageView], object]]:
         """Return what the teacher's page is to show, and what adds the class to a trainee's."""
         connection = connection_of(self._server, client.client_id)
         if self._lesson is not None and isinstance(connection, PageConnection):
             if connection.is_teacher and (watched := self._lesson.to_watch(client)) is not None:
                 return watched, lambda _: None
             if connection.trainee is not None:
-                return None, partial(self._lesson.furnish, connection.trainee)
+                return None, partial(self._lesson.add_card, connection.trainee)
         return None, lambda _: None
 
     def _disconnect(self, client: viser.ClientHandle) -> None:
@@ -419,7 +416,7 @@ class Trainer:
                 except Exception:
                     self._drop(number, view)
 
-    def _drop(self, number: int, view: ClientView) -> None:
+    def _drop(self, number: int, view: PageView) -> None:
         """Close a view whose tick has raised: its client has just gone, or there is a fault."""
         with self._views_lock:
             there = self._views.pop(number, None) is view
@@ -430,7 +427,7 @@ class Trainer:
         if there:
             self._tell_fault(view.client)
 
-    def _attend(self, hand: HapticHand, state: PullState | DissectState | None) -> None:
+    def _attend(self, hand: HapticHand, state: PageState | None) -> None:
         """Let the hand on the device lead the first page."""
         try:
             hand.attend(state)
@@ -454,6 +451,14 @@ def _give_back() -> None:
     """Give free memory back to the system: glibc keeps what lies between blocks in use."""
     with contextlib.suppress(AttributeError, TypeError):  # another C library
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def _asked_scene(client: viser.ClientHandle) -> SceneName | None:
+    """Return the scene that a page's address asks for, by its name or what it was called before."""
+    asked = asked_by_address(client, "scene")
+    if asked in SCENES:
+        return asked
+    return OLDER_NAMES.get(asked_by_address(client, "mode") or "")
 
 
 def _seen(client: viser.ClientHandle) -> bool:

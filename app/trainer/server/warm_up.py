@@ -1,8 +1,8 @@
 """Warm-up: kernels are compiled and static meshes made before they are needed.
 
-A thread compiles what the mode that pages open on needs, then makes the static meshes, and then
-compiles what the other mode and the other theories need. This takes a minute on a first start, and
-a client that is faster is told to wait. Later starts load all from numba's cache.
+A thread compiles what the scene that pages open on needs, then makes the static meshes, and then
+compiles what the other scenes and the other theories need. This takes a minute on a first start,
+and a client that is faster is told to wait. Later starts load all from numba's cache.
 """
 
 import threading
@@ -20,7 +20,7 @@ from app.simulation import (
     preset_named,
     specimen_in_bed,
 )
-from app.trainer.client.client_state import MODES, Mode
+from app.trainer.client.practice import SCENES, SceneName
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.contact import Contact, HookPlace
@@ -102,24 +102,24 @@ def warm_bed(organ: Organ, preset: Preset | None = None) -> None:
 class WarmUp:
     """A thread that makes ready what clients need, and then ends.
 
-    `mode` is made ready first. `done` is set when all is ready.
+    `scene` is made ready first. `done` is set when all is ready.
     """
 
     def __init__(
-        self, organ: Organ, preset: Preset | None, look: Look, mode: Mode = "dissect"
+        self, organ: Organ, preset: Preset | None, look: Look, scene: SceneName = "bed"
     ) -> None:
         self.done = threading.Event()
         self._organ, self._preset = organ, preset
-        self._mode: Mode = mode
+        self._scene: SceneName = scene
         self._look: Look = look
-        self._ready = {each: threading.Event() for each in MODES}
+        self._ready = {each: threading.Event() for each in SCENES}
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="warm-up", daemon=True)
         self._thread.start()
 
-    def wait(self, mode: Mode) -> None:
-        """Wait until a mode is ready."""
-        self._ready[mode].wait()
+    def wait(self, scene: SceneName) -> None:
+        """Wait until a scene is ready."""
+        self._ready[scene].wait()
 
     def stop(self) -> None:
         """End the thread after what it is compiling, without waiting for it."""
@@ -129,19 +129,20 @@ class WarmUp:
 
     def _run(self) -> None:
         try:
-            self._warm(self._mode)
+            self._warm(self._scene)
             self._make_static()
             if not self._stopping:
-                self._warm("pull" if self._mode == "dissect" else "dissect")
+                for scene in SCENES.keys() - {self._scene}:
+                    self._warm(scene)
         finally:  # after a fault a client meets it where it can be told
             for ready in self._ready.values():
                 ready.set()
         self._warm_theories()
 
-    def _warm(self, mode: Mode) -> None:
-        """Compile what a mode needs."""
-        (warm_session if mode == "pull" else warm_bed)(self._organ, self._preset)
-        self._ready[mode].set()
+    def _warm(self, scene: SceneName) -> None:
+        """Compile what a scene needs."""
+        (warm_session if scene == "free" else warm_bed)(self._organ, self._preset)
+        self._ready[scene].set()
 
     def _make_static(self) -> None:
         """Make the meshes and textures of the stage, and read the panel's icons."""

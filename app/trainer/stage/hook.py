@@ -12,6 +12,8 @@ TIP_ANGLE = -0.45
 """Angle of the wire's end on the viewer's side, rad; half pi is straight below the duct."""
 LEAN = np.array([0.40, 0.14, 0.90]) / np.linalg.norm([0.40, 0.14, 0.90])
 """Direction of the shaft."""
+LIFT_AFTER_TEAR = 2.5
+"""Height of the hook above where the torn duct lay, in radii."""
 _NECK = 2.6
 _SHAFT_LENGTH = 320.0
 _PRESS = 0.15

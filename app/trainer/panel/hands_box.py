@@ -1,29 +1,21 @@
-"""Dissect: what the hands have, how far the jaws are open, and what colours the duct."""
+"""What the hands in space have, and how far the jaws are open."""
 
 from functools import partial
 
 import viser
 
 from app.simulation import MOST_OPENING, Instrument, Reading
-from app.trainer.client.dissect_state import DissectState
-from app.trainer.panel.bed_readout import HANDS
+from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import Choice, note, number, on_click, on_input, set_if_changed
-from app.trainer.panel.dissect_plot import DissectPlot
-from app.trainer.scene.bed_scene import Colours
-from app.trainer.viser_bridge.page import pairs_html
+from app.trainer.panel.readout import HANDS
 
-__all__ = ["HandsTab"]
+__all__ = ["HandsBox"]
 
 OFFERED: dict[Instrument, tuple[str, str]] = {
     "hook": ("Hook", "Takes the duct where you press, and lets go with the mouse"),
     "grasper": ("Grasper", "Takes the duct where you press, and stays where it is left"),
     "dissector": ("Dissector", "Two jaws behind the duct that part strands by opening"),
     "swab": ("Swab", "A soft tip that parts strands by sweeping"),
-}
-COLOURED: dict[Colours, tuple[str, str]] = {
-    "tissue": ("Tissue", "The duct as it looks"),
-    "stress": ("Stress", "Tensile stress at the wall, from none to the threshold"),
-    "freed": ("Freed", "Where the strands about the duct have parted"),
 }
 HOW: dict[Instrument, str] = {
     "hook": "Press the duct to take it, drag to pull. It lets go with the mouse.",
@@ -35,12 +27,11 @@ HOW: dict[Instrument, str] = {
 BY_DEVICE = "The hand on the device has it. Its button a takes the duct and lets go; so does G."
 
 
-class HandsTab:
-    """The tab that the page opens on."""
+class HandsBox:
+    """The boxes of both hands; `add_lower` adds those that stand below what all ducts have."""
 
-    def __init__(self, gui: viser.GuiApi, state: DissectState) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
         self._state = state
-        gui.add_html(pairs_html())
         self._hands = [
             Choice(gui, name, OFFERED, partial(state.choose_instrument, hand))
             for hand, name in enumerate(HANDS)
@@ -55,13 +46,11 @@ class HandsTab:
             visible=False,
             hint="Between the dissector's jaws (O opens, C closes)",
         )
-        self._colours = Choice(gui, "Colours", COLOURED, lambda value: state.show(colours=value))
-        self._pause = gui.add_button(
-            "Pause (P)", icon=viser.Icon.PLAYER_PAUSE, color="gray", hint="Let time stand still"
-        )
-        self._reset = gui.add_button(
-            "Reset (R)", icon=viser.Icon.REFRESH, hint="Make the duct and its bed whole"
-        )
+        on_input(self._jaws, lambda value: state.open_jaws(number(value)))
+
+    def add_lower(self, gui: viser.GuiApi) -> None:
+        """Add what lets hands go, and leads drags into the picture."""
+        state = self._state
         self._release = [
             gui.add_button(
                 f"{name}: let go",
@@ -77,18 +66,14 @@ class HandsTab:
             initial_value=state.into_picture,
             hint="For fingers: as with Shift or the right button, up is away from you",
         )
-        self.plot = DissectPlot(gui)
-        on_input(self._jaws, lambda value: state.open_jaws(number(value)))
         on_input(self._depth, lambda value: state.show(into_picture=value is True))
-        on_click(self._pause, lambda: state.set_paused(not state.paused))
-        on_click(self._reset, state.reset)
         for hand, button in enumerate(self._release):
             on_click(button, partial(state.let_go, hand))
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
         state = self._state
-        hands = state.shown.spatial.hands
+        hands = state.shown.tissue.hands
         for number_, (choice, hand) in enumerate(zip(self._hands, hands, strict=True)):
             choice.show(hand.instrument, active=number_ == state.hand)
         holder = hands[state.hand]
@@ -100,8 +85,3 @@ class HandsTab:
         live = state.playback is None
         for button, held in zip(self._release, reading.holding, strict=True):
             set_if_changed(button, visible=held and live)
-        set_if_changed(self._pause, visible=live and not state.in_exercise)
-        set_if_changed(self._reset, visible=live)
-        self._colours.show(state.colours)
-        set_if_changed(self._pause, label="Go on (P)" if state.paused else "Pause (P)")
-        self.plot.show(state.shown, reading, figures=state.figures_visible)

@@ -1,4 +1,4 @@
-"""The force-deflection plot of a pull: the theory in use, the pull so far, and other theories."""
+"""The force-deflection plot of a duct in a plane: its theory, the pull so far, other theories."""
 
 import threading
 from contextlib import suppress
@@ -13,7 +13,7 @@ from app.trainer.panel.plots import Curve, axes, dots, goal_area, key_html, line
 from app.validation.thesis_tables import INCH, LBF, TABLES
 from physics import Beam, Cubic, Exact, Theory
 
-__all__ = ["PullPlot", "ansys_points"]
+__all__ = ["ForceCurve", "ansys_points"]
 
 _SERIES = {
     "theory": line("chosen theory", "#9aa3ad"),
@@ -51,7 +51,7 @@ def ansys_points(beam: Beam, grasp: float) -> _Pair | None:
     return None
 
 
-class PullPlot:
+class ForceCurve:
     """One client's force-deflection plot; `background` solves the other theories' curves."""
 
     def __init__(self, gui: viser.GuiApi, background: BackgroundWorker) -> None:

@@ -1,4 +1,4 @@
-"""The plot beside a dissection: both hands' forces and the distance to break, the last seconds."""
+"""The last seconds as a plot: both hands' forces and the distance to break."""
 
 import math
 
@@ -20,7 +20,7 @@ from app.trainer.panel.plots import (
 )
 from app.trainer.viser_bridge.fast_transport import set_plot
 
-__all__ = ["DissectPlot"]
+__all__ = ["LastSeconds"]
 
 SECONDS = 20.0
 """Length of the plot, s."""
@@ -36,7 +36,7 @@ _PERCENT = "%"
 _NOTHING = (np.zeros(1),) * (3 + HANDS)
 
 
-class DissectPlot:
+class LastSeconds:
     """One client's plot; while it is hidden, none of its data are sent to the page."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
@@ -94,7 +94,7 @@ class DissectPlot:
             rows[-1, -1] = 100.0 * (1.0 - limits.get("peak_stress_ratio", math.nan))
         self._draw()
 
-    def lags(self, session: Session) -> bool:
+    def needs_redraw(self, session: Session) -> bool:
         """Whether time has gone by that moves what is drawn: level lines stay as they are."""
         rows, run = self._rows, session.run
         if not self._chart.visible or run is not self._run:

@@ -2,48 +2,48 @@
 
 import threading
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 from unittest.mock import MagicMock
 
 import pytest
 from program import LONGEST
-from simulated import phantom, pull_session
+from simulated import phantom
 
 from app.simulation import Exercise, Stay
-from app.trainer.client.client_state import Workers
-from app.trainer.client.pull_state import PullState
-from app.trainer.stage.lighting import Look
-from app.trainer.view.pull_view import PullView
+from app.trainer.client.practice import Practice
+from app.trainer.client.workers import Workers
+from app.trainer.view.page_view import PageView
 
 
-class View(PullView):
-    """What a client would see of its session."""
+class Results:
+    """A panel that keeps the results that it is to show."""
 
-    def __init__(self, state: PullState) -> None:
+    def __init__(self, *_: object) -> None:
         self.results: list[Any] = []
         self.shown = threading.Event()
-        super().__init__(state, "plain")
-        self._annotations: Any = MagicMock()
+        self.needs_redraw = False
 
-    def _make_scene(self, look: Look) -> Any:
-        return MagicMock()
+    def show(self, _: object) -> None:
+        """Show nothing."""
 
-    def _make_panel(self) -> Any:
-        return MagicMock(show_result=self._show_result, lags=False)
-
-    def _show_result(self, run: Any) -> None:
+    def show_result(self, run: Any) -> None:
+        """Keep the run."""
         self.results.append(run)
         self.shown.set()
 
 
 @pytest.fixture
-def view() -> Iterator[View]:
+def view() -> Iterator[Any]:
     workers = Workers()
-    yield View(PullState(MagicMock(), pull_session(phantom(), vertices=300), workers, "any"))
+    practice = Practice(phantom(), None, "free")
+    scene, panel = cast(Any, MagicMock()), cast(Any, Results)
+    yield PageView(
+        MagicMock(), practice, workers, "plain", exercise_inputs="any", scene=scene, panel=panel
+    )
     workers.stop()
 
 
-def finish_exercise(view: View) -> None:
+def finish_exercise(view: Any) -> None:
     """Do an exercise by the slider between two looks of the page."""
     session = view.session
     session.start_exercise(
@@ -54,14 +54,14 @@ def finish_exercise(view: View) -> None:
         session.advance()
 
 
-def test_a_pull_that_goes_on_after_an_exercise_takes_no_result_away(view: View) -> None:
+def test_a_pull_that_goes_on_after_an_exercise_takes_no_result_away(view: Any) -> None:
     finish_exercise(view)
     run = view.session.run
     view.state.set_target_force(2.1)
     assert view.session.run is run
     view.tick(0.2)
-    assert view.shown.wait(LONGEST)
-    assert [each.outcome for each in view.results] == [run.outcome]
+    assert view._panel.shown.wait(LONGEST)
+    assert [each.outcome for each in view._panel.results] == [run.outcome]
     assert run.outcome is not None
     assert view.session.planar.grasper.slider_force == 0.0
     # From then on a pull begins anew, and nothing is told twice.
@@ -69,10 +69,10 @@ def test_a_pull_that_goes_on_after_an_exercise_takes_no_result_away(view: View) 
     assert view.session.run is not run
     view.tick(0.2)
     assert view.session.planar.grasper.slider_force == 2.5
-    assert len(view.results) == 1
+    assert len(view._panel.results) == 1
 
 
-def test_a_result_waits_for_no_long_work_of_others(view: View) -> None:
+def test_a_result_waits_for_no_long_work_of_others(view: Any) -> None:
     go = threading.Event()
 
     def work() -> None:
@@ -82,6 +82,6 @@ def test_a_result_waits_for_no_long_work_of_others(view: View) -> None:
     try:
         finish_exercise(view)
         view.tick(0.2)
-        assert view.shown.wait(LONGEST)
+        assert view._panel.shown.wait(LONGEST)
     finally:
         go.set()

@@ -1,0 +1,183 @@
+"""One client's panel: the read-out, tabs for what the tissue in hand offers, and the keys."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import numpy as np
+import viser
+
+from app.simulation import Reading, RunFile, Session
+from app.trainer.client.page_state import NUDGE, PageState
+from app.trainer.client.practice import SCENES, SceneName
+from app.trainer.panel.build_tab import BuildTab
+from app.trainer.panel.compare_tab import CompareTab
+from app.trainer.panel.controls import Choice, on_click, set_if_changed
+from app.trainer.panel.exercise_tab import ExerciseTab
+from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, style_panel
+from app.trainer.panel.help import keys_of, show_help
+from app.trainer.panel.legend import Legend
+from app.trainer.panel.model_tab import ModelTab
+from app.trainer.panel.readout import duct_html, hidden_html, readout_html, zone, zone_while_hidden
+from app.trainer.panel.replay_tab import ReplayTab
+from app.trainer.panel.result_page import show_result
+from app.trainer.panel.train_tab import TrainTab
+from app.trainer.stage.heat_map import freed_legend_html, heat_legend_html
+from app.trainer.viser_bridge.page import announce, offer_home, open_tab, take_arrows
+
+__all__ = ["PagePanel", "offers"]
+
+STEPS = {
+    "Left": (-NUDGE, 0.0, 0.0),
+    "Right": (NUDGE, 0.0, 0.0),
+    "Up": (0.0, 0.0, NUDGE),
+    "Down": (0.0, 0.0, -NUDGE),
+    "Shift+Up": (0.0, NUDGE, 0.0),
+    "Shift+Down": (0.0, -NUDGE, 0.0),
+}
+"""mm that keys move the active hand's tip by."""
+
+
+def offers(session: Session) -> tuple[bool, bool]:
+    """Return what decides on a session's tabs, boxes and keys: whether it has a theory, a bed."""
+    return session.specimen.theory is not None, session.specimen.bed is not None
+
+
+class PagePanel:
+    """One client's panel: it passes inputs to the session and shows its readings."""
+
+    def __init__(
+        self, state: PageState, scene: SceneName, choose_scene: Callable[[SceneName], None]
+    ) -> None:
+        self._state = state
+        self._announced = ""
+        gui = self._gui = state.client.gui
+        style_panel(gui)
+        self._add_scenes(scene, choose_scene)
+        take_arrows(state.client, not state.in_plane)
+        self._readout, self._duct = gui.add_html(""), gui.add_html("")
+        add_disclaimer(gui)
+        self._legend = Legend(gui)
+        tabs = gui.add_tab_group()
+        # To add a tab: write a module, add a line here and, if it shows readings, one in `show`.
+        with tabs.add_tab("Train"):
+            self._train = TrainTab(gui, state)
+        with tabs.add_tab(LEARN):
+            self._exercises = ExerciseTab(gui, state)
+        with tabs.add_tab("Compare"):
+            self._compare = CompareTab(gui, state)
+        with tabs.add_tab(REPLAY):
+            self._replay = ReplayTab(gui, state)
+        with tabs.add_tab("Build"):
+            self._build = BuildTab(gui, state)
+        with tabs.add_tab("Model"):
+            self._model = ModelTab(gui, state)
+        ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
+        on_click(ask, lambda: show_help(state.client, state.session))
+        on_click(self._exercises.result, self._show_last)
+        self._add_keys()
+        if state.in_exercise:  # the page was loaded or made anew
+            open_tab(state.client, LEARN)
+        self.show(state.shown.reading())
+
+    def show(self, reading: Reading) -> None:
+        """Show a reading."""
+        state, shown, visible = self._state, self._state.shown, self._state.figures_visible
+        playback, run = state.playback, state.session.run
+        standing = playback.title if playback is not None else "Paused" if state.paused else ""
+        set_if_changed(
+            self._readout,
+            content=readout_html(reading, standing, state.spread)
+            if visible
+            else hidden_html(reading.phase.value),
+        )
+        set_if_changed(self._duct, content=duct_html(shown, figures=visible))
+        legends = {
+            "tissue": "",
+            "stress": heat_legend_html(shown.tissue.threshold),
+            "freed": freed_legend_html(),
+        }
+        legend = legends[state.colours if visible else "tissue"]
+        self._legend.show(legend, state.client.camera.aspect)
+        for tab in (self._train, self._compare, self._model):
+            tab.show(reading)
+        self._exercises.show()
+        self._replay.show()
+        # A screen reader announces the duct's new state, without figures.
+        words = [
+            standing,
+            ("Exercise" if run.started else "Exercise ready") if state.in_exercise else "",
+            zone(reading) if visible else zone_while_hidden(reading.phase),
+        ]
+        words = ", ".join(word for word in words if word)
+        if words != self._announced:
+            self._announced = words
+            announce(state.client, words)
+
+    @property
+    def needs_redraw(self) -> bool:
+        """Whether something shown has to go on although nothing has moved."""
+        return self._train.needs_redraw
+
+    def show_result(self, run: RunFile) -> None:
+        """Open the result page of a run; replaying the run for its plots takes a while."""
+        state = self._state
+
+        def again() -> None:
+            state.start_again(run)
+            open_tab(state.client, LEARN)
+
+        def watch() -> None:
+            self._replay.replay(lambda: run)
+            open_tab(state.client, REPLAY)
+
+        show_result(state, run, again, watch)
+
+    def close(self) -> None:
+        """Remove what the client has uploaded, when it has gone."""
+        self._build.close()
+
+    def _show_last(self) -> None:
+        run = self._state.last_run
+        if run is not None:
+            self._state.attempt("Measuring the run.", lambda: self.show_result(run))
+
+    def _add_scenes(self, scene: SceneName, choose_scene: Callable[[SceneName], None]) -> None:
+        gui, names = self._gui, list(SCENES)
+        words: dict[SceneName, tuple[str, str]] = {
+            name: (start.label, start.hint) for name, start in SCENES.items()
+        }
+        choice = Choice(gui, "Scene", words, choose_scene, slow=True, hidden=True, large=True)
+        choice.show(scene)
+        following = names[(names.index(scene) + 1) % len(names)]
+        command = gui.add_command("Next scene", description="what is in hand", hotkey="M")
+        command.on_trigger(lambda _: choose_scene(following))
+
+    def _add_keys(self) -> None:
+        """Let keys act, by their names; while a replay is shown only some do."""
+        state = self._state
+        anytime = {"H": state.show_next, "V": state.bring_home}
+        actions: Mapping[str, Callable[[], object]] = {
+            **{name: partial(state.nudge, np.array(step)) for name, step in STEPS.items()},
+            "G": state.take_or_let_go,
+            "O": lambda: state.open_more(2.0 * NUDGE),
+            "C": lambda: state.open_more(-2.0 * NUDGE),
+            "X": state.next_hand,
+            "N": state.next_instrument,
+            "T": state.ramp_to_tear,
+            "P": lambda: state.set_paused(not state.paused),
+            "R": state.reset,
+        }
+        for key in keys_of(state.session):
+            command = self._gui.add_command(
+                key.title, description=key.meaning, hotkey=key.hotkey, modifier=key.modifier
+            )
+            always = key.name in anytime
+            act = anytime[key.name] if always else actions[key.name]
+
+            @command.on_trigger
+            async def _(_: object, act=act, always=always) -> None:  # pyright: ignore
+                if always or state.playback is None:
+                    act()
+
+            if key.name == "V":
+                offer_home(state.client, command, f"{key.title} ({key.name})", key.meaning)

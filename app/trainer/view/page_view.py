@@ -1,0 +1,347 @@
+"""One client's page: a session of its practice, drawn and told about as often as there is time."""
+
+from collections.abc import Callable
+from threading import Lock, Thread
+from typing import Protocol
+
+import viser
+
+from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, Session
+from app.trainer.client.page_state import EXERCISE_GOES_ON, PageState
+from app.trainer.client.practice import Practice, SceneName
+from app.trainer.client.workers import Workers, explained
+from app.trainer.panel.model_tab import SIMPLE_PICTURE
+from app.trainer.panel.page_panel import PagePanel, offers
+from app.trainer.scene.drag_proxy import Hold
+from app.trainer.scene.tissue_scene import Colours, TissueScene
+from app.trainer.stage.lighting import Look, LookChoice
+from app.trainer.viser_bridge.page import watch_pace
+from organ_geometry import Organ
+
+__all__ = ["PageView", "Scene"]
+
+# s, shortest time between updates of the panel: faster changes of a figure cannot be read.
+PANEL_SECONDS = 0.2
+LEAST_PICTURES = 5.0
+"""Frames per second below which a page gets the simple picture."""
+# s that this is said for: on a phone it covers the picture.
+NOTICE_SECONDS = 20.0
+
+
+class Scene(Protocol):
+    """What draws a session's tissue for a client."""
+
+    def watch(self, session: Session) -> None:
+        """Show another session of the same organ from the next `draw` on."""
+        ...
+
+    def set_look(self, look: Look) -> None:
+        """Use another look from the next `draw` on."""
+        ...
+
+    def draw(self, reading: Reading, colours: Colours, *, figures: bool, overlay: bool) -> None:
+        """Draw the session as it is now."""
+        ...
+
+    def say_standing(self, *, figures: bool) -> None:
+        """Write at a goal what to do now."""
+        ...
+
+    def let_drag(
+        self,
+        grabbed: Callable[[Hold], None],
+        moved: Callable[[Hold], None],
+        released: Callable[[], None],
+    ) -> None:
+        """Let the mouse drag what hands can hold."""
+        ...
+
+    def lead_into_picture(self, into: bool) -> None:
+        """Let drags go into the picture, and those with Shift in its plane; or the other way."""
+        ...
+
+    def frame_camera(self) -> None:
+        """Bring the camera home."""
+        ...
+
+    def remove(self) -> None:
+        """Remove everything from the scene."""
+        ...
+
+
+class PageView:
+    """What one client sees of its practice: one of its sessions at a time.
+
+    Parameters
+    ----------
+    client, practice, workers
+        Whose page it is, what is in hand there, and who does its slow work.
+    look
+        "plain" for slow machines; "auto" changes to it where the page draws too slowly.
+    exercise_inputs
+        Which inputs count in exercises.
+    ready
+        Waits until what a scene needs is compiled: the first one is ready.
+    on_page_ready
+        Adds to the page, each time that its panel is made anew.
+    scene, panel
+        Make what draws the session's tissue, and the panel beside it.
+
+    Attributes
+    ----------
+    state
+        What the parts of the page share.
+    frames
+        How often the tissue was drawn.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        practice: Practice,
+        workers: Workers,
+        look: LookChoice,
+        *,
+        exercise_inputs: ExerciseInputs = "hand",
+        ready: Callable[[SceneName], object] = lambda _: None,
+        on_page_ready: Callable[["PageView"], object] = lambda _: None,
+        scene: Callable[[viser.ClientHandle, Session, Look], Scene] = TissueScene,
+        panel: Callable[[PageState, SceneName, Callable[[SceneName], None]], PagePanel] = PagePanel,
+    ) -> None:
+        self.client, self._practice, self._workers = client, practice, workers
+        self._look: LookChoice = look
+        self._exercise_inputs: ExerciseInputs = exercise_inputs
+        self._ready, self._on_page_ready = ready, on_page_ready
+        self._make_scene, self._make_panel = scene, panel
+        self.frames = 0
+        self._lock = Lock()  # while the page is made anew nothing ticks
+        self._closed = self._renewing = False
+        self._clock = Clock()
+        self._undrawn = False
+        self._panel_due = 0.0
+        self._panel_stale = self._figures = True
+        self._notice: viser.NotificationHandle | None = None
+        self._open(practice.scene or "bed", plain=look == "plain")
+        on_page_ready(self)
+
+    @property
+    def scene(self) -> SceneName:
+        """What the page began with."""
+        return self._practice.scene or "bed"
+
+    @property
+    def session(self) -> Session:
+        """The client's session."""
+        return self.state.session
+
+    def tick(self, seconds: float, *, draws: bool = True) -> None:
+        """Advance what is shown by real time, s, and send what has changed."""
+        if self._lock.acquire(blocking=False):
+            try:
+                self._tick(seconds, draws=draws)
+            finally:
+                self._lock.release()
+
+    def close(self) -> None:
+        """Release the duct and remove what was sent, when the client has gone."""
+        with self._lock:
+            self._closed = True
+            self._let_go()
+
+    def show_duct(self, organ: Organ, preset: Preset | None, scene: SceneName) -> None:
+        """Show a new duct, whatever goes on."""
+        self._show(scene, lambda: self._practice.renew(organ, preset))
+
+    def choose_scene(self, scene: SceneName) -> None:
+        """Show another scene."""
+        if scene == self.scene:
+            return
+        if self.state.in_exercise:
+            self.state.refuse(EXERCISE_GOES_ON)
+            return
+        self._show(scene)
+
+    # Making the page
+
+    def _show(self, scene: SceneName, prepare: Callable[[], object] | None = None) -> None:
+        """Show a scene, if it is not shown yet or there is something to prepare for it."""
+        with explained(self.client, "Preparing your duct."):
+            self._ready(scene)
+            with self._lock:
+                if self._closed or (prepare is None and scene == self.scene):
+                    return
+                self.state.leave_replay()
+                self._let_go()
+                self._forget_tear()
+                self._scene.remove()
+                self.client.gui.reset()
+                if prepare is not None:
+                    prepare()
+                self._open(scene, plain=self.state.plain)
+            self._on_page_ready(self)
+
+    def _open(self, scene: SceneName, *, plain: bool) -> None:
+        """Send the client a scene, which is ready, and its panel."""
+        session = self._practice.session(scene)
+        self.state = state = PageState(self.client, session, self._workers, self._exercise_inputs)
+        state.plain = plain
+        self._scene = self._make_scene(self.client, session, "plain" if plain else "full")
+        # Before the panel is sent, so that all that can be seen can be dragged.
+        self._scene.let_drag(state.grab, state.move_hand, state.release_hand)
+        self._add_panel(scene)
+        self._practice.scene = scene
+
+    def _add_panel(self, scene: SceneName) -> None:
+        self._offered = offers(self.session)
+        self._panel = self._make_panel(self.state, scene, self.choose_scene)
+        self._panel_stale = True
+        self._watch_pace()
+
+    def _renew_panel(self) -> None:
+        """Make the panel anew, as what is in hand offers something else."""
+        with explained(self.client, "Preparing your duct."):
+            self._ready("free" if self.state.in_plane else "bed")
+            with self._lock:
+                if not self._closed:
+                    self._panel.close()
+                    self.client.gui.reset()
+                    self._add_panel(self.scene)
+                self._renewing = False
+            if not self._closed:
+                self._on_page_ready(self)
+
+    def _let_go(self) -> None:
+        self.state.release_hand()
+        self._panel.close()
+
+    # A tick
+
+    def _tick(self, seconds: float, *, draws: bool) -> None:
+        state = self.state
+        changed = self._advance(self._clock.ticks(seconds))
+        if self._renewing:
+            return
+        if offers(self.session) != self._offered:
+            self._renewing = self._undrawn = True
+            Thread(target=self._renew_panel, name="panel", daemon=True).start()
+            return
+        visible = state.figures_visible
+        changed |= state.take_change() | (visible != self._figures)
+        self._figures = visible
+        self._panel_due -= seconds
+        self._panel_stale |= changed | self._has_news()
+        # A change is kept until there is time to draw it.
+        self._undrawn |= changed
+        if not draws:
+            return
+        tells = self._panel_stale and self._panel_due <= 0.0
+        if not (self._undrawn or tells):
+            return
+        with self.client.atomic():  # one frame of the socket, and the server's loop wakes once
+            try:
+                if self._undrawn:
+                    self._undrawn = False
+                    self.frames += 1
+                    self._draw()
+                if tells:
+                    self._panel_due = PANEL_SECONDS
+                    self._panel_stale = False
+                    self._tell()
+            except ValueError:
+                # Another thread has put something else in hand: the next tick makes the panel anew.
+                if offers(self.session) == self._offered:
+                    raise
+
+    def _advance(self, ticks: int) -> bool:
+        """Advance what is shown by some ticks; return whether anything has moved."""
+        state = self.state
+        state.take_organ()
+        if state.take_home():
+            self._scene.frame_camera()
+        if (playback := state.playback) is not None:
+            return playback.tick(ticks)
+        return not state.paused and self.session.advance(ticks)
+
+    def _has_news(self) -> bool:
+        """Return whether the panel has something to tell although nothing has moved."""
+        run = self.session.run
+        # While all stands still the time shown runs on.
+        timed = run.going and run.exercise is not None
+        return timed or self._panel.needs_redraw or self.state.end_is_news
+
+    def _draw(self) -> None:
+        state, scene = self.state, self._scene
+        scene.watch(state.shown)
+        scene.set_look("plain" if state.plain else "full")
+        scene.lead_into_picture(state.into_picture)
+        scene.draw(
+            state.shown.reading(),
+            state.colours if state.figures_visible else "tissue",
+            figures=state.figures_visible,
+            overlay=state.overlay,
+        )
+
+    def _tell(self) -> None:
+        """Bring the panel up to date, announce a tear, and show the result of an exercise."""
+        state = self.state
+        self._scene.say_standing(figures=state.figures_visible)
+        self._panel.show(state.shown.reading())
+        run, reading = self.session.run, self.session.reading()
+        # A duct is not called torn before the picture shows it in two.
+        if state.end_is_news and reading.phase is not Phase.TEARING:
+            state.keep_run()
+            kept = state.last_run
+            judged = run.exercise is not None
+            if judged:
+                state.release()
+            state.announced = run  # from now on another pull may begin anew
+            if judged and kept is not None:
+                panel = self._panel
+                state.workers.awaited.submit((id(self), "result"), lambda: panel.show_result(kept))
+            elif reading.torn_at is not None:
+                self._notice = self.client.add_notification(
+                    "The duct is torn",
+                    f"{_torn_words(reading)} Press Reset (R) for a new one.",
+                    color="red",
+                )
+            self._panel_stale = True
+        if not run.over:
+            self._forget_tear()
+
+    def _forget_tear(self) -> None:
+        if self._notice is not None:
+            self._notice.remove()
+            self._notice = None
+
+    def _watch_pace(self) -> None:
+        """Suggest the simple picture to a page that draws in software; "auto" switches to it."""
+        if self._look == "plain":
+            return
+        where = f"{SIMPLE_PICTURE!r} in the Model tab"
+        remedy = f"A simpler picture helps: {where}, or start with --look plain."
+        command: viser.CommandHandle | None = None
+        if self._look == "auto":
+            command = self.client.gui.add_command(
+                SIMPLE_PICTURE, description="For a page that draws slowly"
+            )
+
+            @command.on_trigger
+            async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
+                self.state.show(plain=True)
+                self.client.add_notification(
+                    "A simpler picture",
+                    f"This page draws fewer than {LEAST_PICTURES:g} pictures a second. The full "
+                    f"one comes back with {where}.",
+                    color="blue",
+                    auto_close_seconds=NOTICE_SECONDS,
+                )
+
+        watch_pace(self.client, least=LEAST_PICTURES, command=command, remedy=remedy)
+
+
+def _torn_words(reading: Reading) -> str:
+    """Return where a duct has torn, and what is known of it, in a sentence."""
+    event = reading.breaks_at
+    force = f" at F = {event.force:.2f} N" if event else ""
+    freed = f", with {reading.freed:.0f} mm freed" if reading.strands else ""
+    return f"It tore {reading.check.station:.1f} mm from the left clamp{force}{freed}."
