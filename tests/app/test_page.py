@@ -542,7 +542,7 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
 
         tab.page.get_by_role("tab", name="Over time").click()
         tab.wait_until(lambda: len(over_time(tab)) == 4)
-        deflection, force, rate, distance = over_time(tab)
+        deflection, distance, force, rate = over_time(tab)
         assert [deflection[2][0], deflection[3][0]] == [stay.high, stay.low]
         assert force[4][0] == gentle.limit_of["maximum_force_N"]
         assert rate[4][0] == rate_limit
