@@ -7,7 +7,7 @@ from threading import Thread
 import cv2
 import numpy as np
 import pytest
-from browser import PATIENCE, TrainerPage, newest, trainer_page
+from browser import PATIENCE, TrainerPage, newest, scene_of, trainer_page
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from playwright.sync_api import Browser, FloatRect
@@ -63,7 +63,9 @@ def test_key_has_the_same_colours_unit_and_break() -> None:
 
 
 @pytest.mark.parametrize("look", ["plain", "full"])
-def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Look) -> None:
+def test_page_shows_the_colour_of_the_stress(
+    drawing_browser: Browser, monkeypatch: pytest.MonkeyPatch, look: Look
+) -> None:
     trainer = Trainer(phantom(), port=0, scene="free", look=look)
     try:
         with trainer_page(drawing_browser, trainer.address, width=900, height=600, dots=0.5) as tab:
@@ -77,7 +79,8 @@ def test_page_shows_the_colour_of_the_stress(drawing_browser: Browser, look: Loo
             def draw(shares: np.ndarray) -> None:
                 # Not in this thread: playwright's loop runs in it.
                 stress = [shares.astype(np.float32)]
-                drawing = Thread(target=view._scene.draw, args=(session.reading(), stress))
+                monkeypatch.setattr(scene_of(view), "values", lambda colours: stress)
+                drawing = Thread(target=view._scene.draw, args=(session.reading(), "stress"))
                 drawing.start()
                 drawing.join()
 
