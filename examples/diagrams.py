@@ -104,7 +104,7 @@ def floors(found: dict[str, set[str]]) -> list[list[str]]:
             level[name] = 1 + max(
                 (
                     height(other, (*above, name))
-                    for other in found[name]
+                    for other in sorted(found[name])
                     if other not in (*above, name)  # an import that closes a circle
                 ),
                 default=-1,
