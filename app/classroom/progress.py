@@ -25,6 +25,7 @@ __all__ = [
     "LearningCurve",
     "LevelStanding",
     "Try",
+    "cause_of",
     "learning_curve",
     "needs",
     "next_level",
@@ -80,15 +81,7 @@ class Try(msgspec.Struct, frozen=True):
     @property
     def cause(self) -> str:
         """The error class that the failure is put down to: of the last second, by their order."""
-        if self.passed:
-            return ""
-        rank = list(ERROR_CLASSES)
-        recent = [
-            each.error
-            for each in self.incidents
-            if each.error != "tear" and self.seconds - each.end_s <= CAUSE_SECONDS
-        ]
-        return min(recent, key=rank.index, default="")
+        return "" if self.passed else cause_of(self.incidents, self.seconds)
 
     @property
     def torn(self) -> bool:
@@ -110,6 +103,17 @@ class Try(msgspec.Struct, frozen=True):
     def value(self, metric: str) -> float:
         """Return a metric of it, or how many incidents it has."""
         return float(len(self.incidents) if metric == INCIDENTS else self.metrics[metric])
+
+
+def cause_of(incidents: Iterable[Incident], seconds: float) -> str:
+    """Return the error class that a failure at a time is put down to, or nothing."""
+    rank = list(ERROR_CLASSES)
+    recent = [
+        each.error
+        for each in incidents
+        if each.error != "tear" and seconds - each.end_s <= CAUSE_SECONDS
+    ]
+    return min(recent, key=rank.index, default="")
 
 
 class LevelStanding(msgspec.Struct, frozen=True):
@@ -301,8 +305,8 @@ def _reasons(
     kept = [not unmet(course, level, each) for each in own]
     if sequential_test(kept) == "bad":
         found.append(
-            f"{kept.count(False)} of {len(kept)} tries at {level.title!r} did not pass: more than "
-            "chance."
+            f"{kept.count(False)} of {len(kept)} tries at {level.title!r} did not pass: more "
+            "than the one in twenty of somebody who can do it."
         )
     middle = middles.get(where.level, 0.0)
     if len(own) > MANY_TIMES * middle > 0.0:

@@ -1,6 +1,7 @@
 """Results for people: tables and plots as HTML, and a report of a page a person to print."""
 
 import html
+from collections import Counter
 from collections.abc import Sequence
 from importlib.resources import files
 
@@ -31,7 +32,12 @@ def results_html(store: ClassStore) -> str:
         tries = [one for one in found if one.run.assignment_id == each.id]
         if tries:
             parts.append(_assignment_html(each, tries))
-    if free := [one for one in found if one.run.assignment_id is None]:
+    if levels := [one for one in found if one.run.level is not None]:
+        parts.append(
+            f"<details><summary>Tries at levels of the course ({len(levels)})</summary>"
+            f"{_whys(levels)}{_table(levels, who=True, what=True)}</details>"
+        )
+    if free := [one for one in found if one.run.assignment_id is None and one.run.level is None]:
         parts.append(
             f"<details><summary>Runs outside the class's exercises ({len(free)})</summary>"
             f"{_table(free, who=True, what=True)}</details>"
@@ -87,8 +93,17 @@ def _assignment_html(each: Assignment, tries: Sequence[Result]) -> str:
         f"<p>{html.escape(asked.exercise.task)} {html.escape(asked.exercise.caution)}</p>"
         f"<p><b>{passed} of {len(tops)}</b> passed, in {len(tries)} "
         f"{'try' if len(tries) == 1 else 'tries'}.</p>"
-        f"{_plot(tries)}{_table(tries, who=True, what=False)}</section>"
+        f"{_whys(tries)}{_plot(tries)}{_table(tries, who=True, what=False)}</section>"
     )
+
+
+def _whys(tries: Sequence[Result]) -> str:
+    """Return what tries failed by, the most frequent first."""
+    found = Counter(each.why for each in tries if each.run.passed is False)
+    if not found:
+        return ""
+    told = ", ".join(f"{html.escape(why)} ({count})" for why, count in found.most_common())
+    return f"<p><b>Failed by:</b> {told}.</p>"
 
 
 def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
@@ -174,7 +189,8 @@ def _plot(tries: Sequence[Result], *, by_try: bool = False) -> str:
     if limit is not None:
         parts.append(
             f"<path d='M{x(limit)} 0V{bottom}' class='limit'/>"
-            f"<text x='{x(limit) + 4}' y='{bottom + 14}' class='limit-label'>limit</text>"
+            f"<text x='{x(limit)}' y='{bottom + 28}' text-anchor='middle' class='limit-label'>"
+            f"limit {100.0 * limit:.0f}</text>"
         )
     parts += [
         _mark(x(each.peak), ROW * rows[label] + 12.0, each.run.passed is True, own=True)
@@ -183,10 +199,9 @@ def _plot(tries: Sequence[Result], *, by_try: bool = False) -> str:
     parts += [
         f"<text x='{x(t / 100)}' y='{bottom + 14}' text-anchor='middle'>{t}</text>"
         for t in range(0, 101, 20)
-        if limit is None or abs(t / 100 - limit - 0.03) > 0.05
     ]
     return (
-        f"<figure><svg viewBox='0 0 {WIDTH:g} {bottom + 20:g}' width='{WIDTH:g}' role='img' "
+        f"<figure><svg viewBox='0 0 {WIDTH:g} {bottom + 32:g}' width='{WIDTH:g}' role='img' "
         f"aria-label='{PEAK}'>{''.join(parts)}</svg><figcaption>{PEAK}: "
         "<span class='passed'>●</span> passed, <span class='failed'>✕</span> failed.</figcaption>"
         "</figure>"

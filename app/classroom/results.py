@@ -11,8 +11,9 @@ from typing import Any, Literal, cast
 import msgspec
 
 from app.classroom.exercise_file import SetExercise
+from app.classroom.progress import cause_of
 from app.classroom.store import ClassStore, Person, RunRecord
-from app.simulation import renamed_metrics
+from app.simulation import ERROR_CLASSES, Incident, renamed_metrics
 
 __all__ = [
     "Result",
@@ -55,6 +56,15 @@ class Result:
             return "torn"
         in_class = self.run.assignment_id is not None or self.run.level is not None
         return "given up" if in_class else "free"
+
+    @property
+    def why(self) -> str:
+        """What a try failed by, in a few words: an error, a limit, the time."""
+        incidents = msgspec.json.decode(self.run.incidents or "[]", type=list[Incident])
+        cause = cause_of(incidents, self.seconds)
+        if cause:
+            return ERROR_CLASSES[cause].title.lower()
+        return "time" if " were over" in self.run.reason else "a limit"
 
     @property
     def seconds(self) -> float:

@@ -39,7 +39,7 @@ def _open(store: "ClassStore", served: Serving) -> None:
         print(f"Trainees: {running.link}", flush=True)
         if not (running.link.startswith("https") or is_loopback(served.host)):
             print("Nothing is encrypted on its way.", flush=True)
-        print("Keep the first link to yourself. The second as a code:", flush=True)
+        print("Keep the first link to yourself.", flush=True)
         draw_link(running.link)
         print(f"{store.title} is kept in {store.path}", flush=True)
 

@@ -20,7 +20,8 @@ from app.trainer.server.trainer import Trainer
 OWN = {"Host": "localhost:PORT"}
 PATHS = (
     "/class", "/class/", "/class/live", "/class/results", "/class/results.csv",
-    "/class/results.json", "/class/report", "/class/run?id=x", "/class/teacher.js", "/class/x",
+    "/class/results.json", "/class/course", "/class/report",
+    "/class/run?id=x", "/class/teacher.js", "/class/x",
 )  # fmt: skip
 
 
@@ -211,6 +212,7 @@ def test_a_lesson_from_the_first_name_to_the_restart(
         expect(rows.nth(1).locator("td").first).to_have_text("<b>Ben</b>")
         expect(rows.first.locator(".bar b")).to_have_text("100 %")
 
+        teacher.locator("#advanced summary").click()
         teacher.locator("#text").fill(template("window").replace("Open a window", "One <i>"))
         teacher.locator("#assign").click()
         expect(teacher.locator("#now h3")).to_contain_text("One <i>")

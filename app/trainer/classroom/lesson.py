@@ -373,7 +373,7 @@ class Lesson:
                     name=names[person.id],
                     live=view and live(view.session, replaying=view.state.playback is not None),
                     tries=len(own),
-                    best="" if top is None else f"{top.word}, peak {100.0 * top.peak:.0f} %",
+                    best="" if top is None else _best(top),
                     problem="" if member is None else member.problem,
                 )
             )
@@ -533,6 +533,10 @@ class Lesson:
     def _all(self) -> list[_Member]:
         with self._lock:
             return list(self._members.values())
+
+
+def _best(top: Result) -> str:
+    return f"{top.word}, peak {100.0 * top.peak:.0f} %" if top.run.passed else f"failed: {top.why}"
 
 
 def _told(run: RunRecord) -> str:

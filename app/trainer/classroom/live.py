@@ -40,7 +40,7 @@ def live(session: Session, *, replaying: bool) -> Live:
     elif exercise is None:
         state = "practising" if run.going else "torn" if torn else "at rest"
     elif run.outcome is not None:
-        state = "passed" if run.outcome.passed else "failed"
+        state, standing = "passed" if run.outcome.passed else "failed", ""
     elif run.over:
         state = "stopped"
     elif run.started:

@@ -51,7 +51,66 @@ function show(told) {
     if (told.version !== version) {
         version = told.version;
         showResults();
+        showCourse();
     }
+    $("no-course").hidden = Boolean(told.levels);
+    $("all-levels").hidden = !told.levels;
+    if (told.levels && $("level-for-all").dataset.key !== told.levels) {
+        $("level-for-all").dataset.key = told.levels;
+        // Made by the server, which has escaped the titles.
+        $("level-for-all").innerHTML = told.levels;
+    }
+    set($("sent"), told.sending);
+}
+
+// The section is made by the server, which has escaped all that people typed.
+async function showCourse() {
+    try {
+        const answer = await fetch("course");
+        if (!answer.ok) return;
+        const page = new DOMParser().parseFromString(await answer.text(), "text/html");
+        replaceOpen($("progress"), page.body.childNodes);
+        for (const choice of $("progress").querySelectorAll("select.level"))
+            choice.onchange = () => send({type: "level", person: choice.dataset.person, level: choice.value});
+    } catch {
+        version = -1;
+    }
+}
+
+// What a reader has opened stays open: by its title, without the counts in it.
+function replaceOpen(where, parts) {
+    const title = each => each.querySelector("summary").textContent.replace(/\d+/g, "");
+    const open = new Set([...where.querySelectorAll("details[open]")].map(title));
+    where.replaceChildren(...parts);
+    for (const each of where.querySelectorAll("details")) each.open = open.has(title(each));
+}
+
+// An exercise file from the fields of the form.
+function written() {
+    const goal = $("goal").value, inBed = !$("form").querySelector(`[data-goal=${goal}]`).dataset.bed.includes("0");
+    const lines = [`title = ${JSON.stringify($("title").value || $("goal").selectedOptions[0].text)}`,
+        `text = ${JSON.stringify($("words").value)}`, `goal = "${goal}"`, `feedback = "${$("feedback").value}"`];
+    const number = input => {
+        const value = Number(input.value) / Number(input.dataset.factor);
+        return `${input.dataset.key.split(".").pop()} = ${Number(value.toPrecision(12))}`;
+    };
+    const filled = where => [...where.querySelectorAll("input[data-key]")].filter(input => input.value !== "");
+    const seed = $("form").querySelector("[data-key=seed]");
+    if (inBed) {
+        lines.push("", "[duct]");
+        if ($("bed").value) lines.push(`bed = ${JSON.stringify($("bed").value)}`);
+        if (seed.value) lines.push(number(seed));
+    }
+    lines.push("", "[limits]", ...filled($("form").querySelector(`[data-goal=${goal}]`)).map(number));
+    lines.push("", "[errors]", ...filled($("errors")).map(number));
+    return `${lines.join("\n")}\n`;
+}
+
+function fitForm() {
+    for (const fields of $("form").querySelectorAll("[data-goal]")) fields.hidden = fields.dataset.goal !== $("goal").value;
+    const inBed = $("form").querySelector(`[data-goal=${$("goal").value}]`).dataset.bed === "1";
+    for (const field of $("form").querySelectorAll(".of-bed")) field.hidden = !inBed;
+    $("title").placeholder = $("goal").selectedOptions[0].text;
 }
 
 function showExercise(exercise) {
@@ -181,16 +240,27 @@ async function showResults() {
         if (!answer.ok) return;
         // Made by the server, which has escaped all that people typed.
         const page = new DOMParser().parseFromString(await answer.text(), "text/html");
-        const open = $("found").querySelector("details")?.open;
-        $("found").replaceChildren(...page.body.childNodes);
-        const details = $("found").querySelector("details");
-        if (details && open) details.open = true;
+        replaceOpen($("found"), page.body.childNodes);
     } catch {
         version = -1;
     }
 }
 
-$("goal").onchange = () => { $("text").value = $("goal").value; };
+$("form").oninput = () => {
+    fitForm();
+    $("text").value = written();
+};
+$("form").onsubmit = event => event.preventDefault();
+$("give-course").onclick = () => send({type: "course", default: true});
+$("set-course").onclick = () => send({type: "course", text: $("course-text").value});
+$("end-course").onclick = () => send({type: "course"});
+$("level-for-all").onchange = () => send({type: "level", level: $("level-for-all").value});
+$("store").onsubmit = event => {
+    event.preventDefault();
+    send({type: "connect", url: $("store-url").value, version: $("store-version").value, key: $("store-key").value, secret: $("store-secret").value});
+    $("store-secret").value = "";
+};
+$("store-off").onclick = () => send({type: "connect", url: ""});
 $("file").onchange = async () => {
     const [file] = $("file").files;
     if (!file) return;
@@ -212,4 +282,5 @@ $("keep").onclick = () => {
 $("start").onclick = () => send({type: "start"});
 $("stop").onclick = () => send({type: "stop"});
 $("standing").onchange = () => send({type: "standing", shown: $("standing").checked});
+fitForm();
 connect();

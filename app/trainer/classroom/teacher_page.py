@@ -20,7 +20,10 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from app.classroom.exercise_file import GOALS, template
+from app.classroom.course import default_course
+from app.classroom.course_page import course_html, level_choices
+from app.classroom.exercise_file import template
+from app.classroom.exercise_form import exercise_form
 from app.classroom.report import report_page, results_html, style
 from app.classroom.results import results, results_csv, results_json
 from app.trainer.classroom.lesson import Lesson
@@ -69,7 +72,30 @@ class ShowStanding(msgspec.Struct, tag="standing", forbid_unknown_fields=True):
     shown: bool
 
 
-Command = Assign | Start | Stop | Delete | ShowStanding
+class ChooseCourse(msgspec.Struct, tag="course", forbid_unknown_fields=True):
+    """Take the course in a file, the one that comes with the program, or none."""
+
+    text: str = ""
+    default: bool = False
+
+
+class SetLevel(msgspec.Struct, tag="level", forbid_unknown_fields=True):
+    """Set a level for one or for all; an empty one leaves it to the course."""
+
+    level: str
+    person: str = ""
+
+
+class Connect(msgspec.Struct, tag="connect", forbid_unknown_fields=True):
+    """Send results to a learning record store; without an address send none any more."""
+
+    url: str
+    version: str = "1.0.3"
+    key: str = ""
+    secret: str = ""
+
+
+Command = Assign | Start | Stop | Delete | ShowStanding | ChooseCourse | SetLevel | Connect
 
 
 class TeacherPage:
@@ -106,6 +132,10 @@ class TeacherPage:
             return _content(style(), STYLE)
         if path == "/class/results":
             return _content(results_html(store), HTML)
+        if path == "/class/course":
+            return _content(course_html(store, self._lesson.course), HTML)
+        if path == "/class/course.toml" and store.course is not None:
+            return _content(store.course, "application/toml", "course.toml")
         if path == "/class/report":
             return _content(report_page(store, given.get("person")), HTML)
         if path == "/class/results.csv":
@@ -120,10 +150,6 @@ class TeacherPage:
         import segno
 
         store, link = self._lesson.store, self._link()
-        goals = "".join(
-            f"<option value='{html.escape(template(goal))}'>{html.escape(title)}</option>"
-            for goal, title in GOALS.items()
-        )
         current = self._lesson.assignment
         text = template("window") if current is None else current[0].text
         code = segno.make(link, micro=False).svg_inline(omitsize=True, light="#fff")
@@ -131,7 +157,8 @@ class TeacherPage:
             "TITLE": html.escape(store.title),
             "LINK": html.escape(link),
             "CODE": code,
-            "GOALS": goals,
+            "FORM": exercise_form(),
+            "COURSE": html.escape(store.course or default_course()),
             "EXERCISE": html.escape(text),
             "STANDING": "checked" if store.shows_standing else "",
             "DISCLAIMER": DISCLAIMER,
@@ -159,8 +186,11 @@ class TeacherPage:
     def _state(self) -> str:
         rows, nameless = self._lesson.rows()
         state: dict[str, Any] = {
-            "rows": rows, "nameless": nameless, "version": self._lesson.version, "exercise": None
+            "rows": rows, "nameless": nameless, "version": self._lesson.version, "exercise": None,
+            "levels": "", "sending": self._sending(),
         }  # fmt: skip
+        if (course := self._lesson.course.course) is not None:
+            state["levels"] = level_choices(course)
         if (current := self._lesson.assignment) is not None:
             assignment, asked = current
             state["exercise"] = {
@@ -172,6 +202,16 @@ class TeacherPage:
                 "started": assignment.started_at is not None,
             }
         return msgspec.json.encode(state).decode()
+
+    def _sending(self) -> str:
+        """Return what becomes of results that are sent, in a sentence; empty if none are."""
+        store = self._lesson.store
+        if store.learning_record_store is None:
+            return ""
+        waiting, sent, refused, reason = store.statement_counts()
+        said = f"{sent} statements were sent, {waiting} wait"
+        said += f", {refused} were refused: {reason}." if refused else "."
+        return f"{said} {self._lesson.sender.problem}".strip()
 
     def _done(self, text: str) -> str:
         """Do a command; return what the page says of it."""
@@ -197,6 +237,19 @@ class TeacherPage:
         if isinstance(command, Delete):
             lesson.delete(command.person)
             return "Deleted."
+        if isinstance(command, ChooseCourse):
+            text = default_course() if command.default else command.text
+            lesson.choose_course(text or None)
+            return "The course is set." if text else "The class has no course any more."
+        if isinstance(command, SetLevel):
+            lesson.set_level(command.level or None, command.person or None)
+            return "Set." if command.level else "The course's own order again."
+        if isinstance(command, Connect):
+            if not command.url:
+                lesson.disconnect()
+                return "Nothing is sent any more."
+            lesson.connect(command.url, command.version, command.key, command.secret)
+            return "Results are sent, those that are kept first."
         lesson.show_standing(command.shown)
         return "Trainees see where they stand." if command.shown else "Only you see the results."
 
