@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from app.haptics.servo_process import FeltSetting, ServoProcess
+    from app.simulation import RunFile
     from app.trainer.server.trainer import Trainer
+    from organ_geometry import Organ
 
 __all__ = ["trainer"]
 
@@ -31,6 +33,10 @@ def trainer(
     scene: Annotated[
         str | None,
         typer.Option(help="What the page opens on: bed, a duct in its bed, or free, one without."),
+    ] = None,
+    replay: Annotated[
+        Path | None,
+        typer.Option(help="A run that pages open on, as the trainer's JSON download."),
     ] = None,
     mode: Annotated[
         str | None,
@@ -80,10 +86,13 @@ def trainer(
             raise ValueError("--second-haptics is of a second device: give --haptics")
         devices.append((second_haptics, second_haptics_address or haptics_address))
     servo = None if haptics is None else _servo(devices, haptics_hand)
+    run = None if replay is None else _replayed(replay, served.organ)
+    if run is not None:
+        scene = scene or ("bed" if run.log.start.in_bed else "free")
 
     def start() -> "Trainer":
         return served.start(
-            token=token, scene=scene, exercise_inputs=exercise_inputs, haptics=servo
+            token=token, scene=scene, replay=run, exercise_inputs=exercise_inputs, haptics=servo
         )
 
     def say(running: "Trainer") -> None:
@@ -103,6 +112,21 @@ def _given_token(file: Path | None) -> str | None:
     if file is None:
         return os.environ.get(TOKEN_VARIABLE) or None
     return file.read_text(encoding="utf-8", errors="replace").strip()
+
+
+def _replayed(file: Path, organ: "Organ") -> "RunFile":
+    """Return a run, after a look whether it can be replayed on the organ that is served."""
+    from app.bounded_file import read_bounded
+    from app.simulation import MOST_BYTES, Replay, read_run
+    from app.trainer.client.page_state import check_drawn
+
+    run = read_run(read_bounded(file, MOST_BYTES, "run"))
+    try:
+        check_drawn(run)
+        Replay(run.log, organ)
+    except ValueError as error:
+        raise ValueError(f"--replay {file}: {error}") from None
+    return run
 
 
 def _servo(

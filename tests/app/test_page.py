@@ -21,7 +21,7 @@ from browser import (
 )
 from playwright.sync_api import Browser, Download, Locator, expect
 from program import free_port
-from simulated import phantom, pull_session
+from simulated import phantom, pull, pull_session
 
 from app.simulation import (
     CAREFUL,
@@ -761,6 +761,28 @@ def test_full_house_is_said_and_a_teacher_s_choice_reaches_each_page(browser: Br
                 timeout=PATIENCE
             )
             context.close()
+    finally:
+        trainer.stop()
+
+
+def test_pages_open_on_a_run_that_the_trainer_is_started_with(browser: Browser) -> None:
+    session = pull_session(phantom(), vertices=300)
+    pull(session, 2.0)
+    run = session.run_file()
+    trainer = Trainer(phantom(), port=0, scene="free", look="plain", replay=run)
+    try:
+        with trainer_page(browser, trainer.address, first_minute=True) as tab:
+            tab.wait_until(lambda: newest(trainer).state.playback)
+            playback = newest(trainer).state.playback
+            assert playback is not None
+            expect(tab.page.get_by_role("tab", name="Replay")).to_have_attribute(
+                "aria-selected", "true"
+            )
+            tab.wait_until(lambda: playback.at_end)
+            assert playback.session.metrics() == run.metrics
+            tab.press("Leave the replay")
+            tab.wait_until(lambda: newest(trainer).state.playback is None)
+            assert newest(trainer).state.session.reading().phase is Phase.INTACT
     finally:
         trainer.stop()
 

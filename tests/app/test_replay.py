@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from program import LONGEST, refused, run
 from simulated import phantom, pull_session, replayed, settle
 
+from app.anatomy import anatomy_named
 from app.command_line.replay import replay
 from app.simulation import (
     CAREFUL,
@@ -27,6 +28,7 @@ from app.simulation import (
     RunFile,
     RunFileError,
     Session,
+    Specimen,
     TheoryChoice,
     exercises_offered,
     perform,
@@ -542,3 +544,19 @@ def test_the_command_refuses_what_is_no_run(tmp_path: Path) -> None:
         (tmp_path / "no.json").write_text(content)
         assert "not a run" in refused(("replay", tmp_path / "no.json"))
     assert "no-such" in refused(("replay", tmp_path / "no-such.json"))
+
+
+def test_the_trainer_opens_on_no_run_that_it_cannot_play(
+    tmp_path: Path, tube_file: Path, recorded: tuple[Path, RunFile]
+) -> None:
+    file, _ = recorded
+    options = ("trainer", "--port", 0, "--replay")
+    said = refused((*options, file, "--organ", tube_file))
+    assert f"--replay {file}: " in said
+    assert "organ" in said
+    (tmp_path / "no.json").write_text("{}")
+    assert "not a run" in refused((*options, tmp_path / "no.json"))
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")))
+    session.grab(0, 10.0)
+    (tmp_path / "tubes.json").write_bytes(run_json(session.run_file()))
+    assert "several tubes" in refused((*options, tmp_path / "tubes.json"))

@@ -33,7 +33,7 @@ from app.trainer.scene.tissue_scene import Colours
 from organ_geometry import Organ
 from physics import Theory
 
-__all__ = ["EXERCISE_GOES_ON", "FORCE_KEY", "HAND_ONLY", "NUDGE", "PageState"]
+__all__ = ["EXERCISE_GOES_ON", "FORCE_KEY", "HAND_ONLY", "NUDGE", "PageState", "check_drawn"]
 
 NUDGE = 0.5
 """mm that a key moves the tip, or opens the jaws by."""
@@ -50,6 +50,15 @@ COUNTED: dict[ExerciseInputs, str] = {
 NOWHERE = "No hand can hold the duct at a clamp, or where the other hand holds it."
 TORN = "A torn duct holds no pull. Press Reset (R) for a new one."
 TAKES = "button a takes the duct below the hook and lets go of it, as the keys X and G do"
+
+
+def check_drawn(run: RunFile) -> None:
+    """Raise a `ValueError` where no page can show a run."""
+    if run.log.start.anatomy is not None:
+        raise ValueError(
+            "this run is of an anatomy of several tubes, which pages do not draw yet; "
+            "bluntdissect replay prints what happened"
+        )
 
 
 class PageState:
@@ -252,6 +261,7 @@ class PageState:
 
     def start_replay(self, run: RunFile) -> None:
         """Replay a run in place of the session, which is stopped meanwhile."""
+        check_drawn(run)
         playback = ReplayPlayback(self.replay_of(run))
         self.release_hand()
         playback.play()

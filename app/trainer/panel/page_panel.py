@@ -126,11 +126,12 @@ class PagePanel:
             state.start_again(run)
             open_tab(state.client, LEARN)
 
-        def watch() -> None:
-            self._replay.replay(lambda: run)
-            open_tab(state.client, REPLAY)
+        show_result(state, run, again, lambda: self.replay(run))
 
-        show_result(state, run, again, watch)
+    def replay(self, run: RunFile) -> None:
+        """Replay a run, in the tab of replays."""
+        self._replay.replay(lambda: run)
+        open_tab(self._state.client, REPLAY)
 
     def close(self) -> None:
         """Remove what the client has uploaded, when it has gone."""

@@ -22,7 +22,7 @@ from websockets.asyncio.server import ServerConnection
 
 from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import FeltSetting, ServoProcess
-from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, Session, free_specimen
+from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, RunFile, Session, free_specimen
 from app.trainer.classroom.lesson import Lesson, WatchRequest
 from app.trainer.classroom.teacher_page import TeacherPage
 from app.trainer.client.haptic_hand import HapticHand, felt_in
@@ -92,6 +92,8 @@ class Trainer:
     scene, look
         What a page opens on, if its address does not say `?scene=`; "auto" is the full look,
         and the "plain" one for slow pages.
+    replay
+        A run that every page opens on, made on this organ; None opens on the page's own duct.
     bounds
         Limits of what clients may take; usual ones when None.
     build_process
@@ -135,6 +137,7 @@ class Trainer:
         port: int,
         scene: SceneName | None = None,
         look: LookChoice = "full",
+        replay: RunFile | None = None,
         bounds: Bounds | None = None,
         build_process: BuildProcess | None = None,
         export_vertices: int = EXPORT_VERTICES,
@@ -165,6 +168,7 @@ class Trainer:
         self._host = host
         self._scene: SceneName = scene or "bed"
         self._look: LookChoice = look
+        self._replay = replay
         self._views: dict[int, PageView] = {}
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
@@ -300,6 +304,8 @@ class Trainer:
                     )
                 if watched is not None:
                     watched.begin(view)
+                elif self._replay is not None:
+                    view.replay(self._replay)
                 elif lost:
                     client.add_notification("A new duct", LOST, color="yellow")
                 elif token != before and not _seen(client):

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import viser
 
-from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, Session
+from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, RunFile, Session
 from app.trainer.client.page_state import EXERCISE_GOES_ON, PageState
 from app.trainer.client.practice import Practice, SceneName
 from app.trainer.client.workers import Workers, explained
@@ -160,6 +160,10 @@ class PageView:
             self.state.refuse(EXERCISE_GOES_ON)
             return
         self._show(scene)
+
+    def replay(self, run: RunFile) -> None:
+        """Replay a run in place of the session."""
+        self._panel.replay(run)
 
     # Making the page
 
