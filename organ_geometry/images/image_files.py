@@ -6,6 +6,7 @@ import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -16,6 +17,8 @@ from organ_geometry.images.grey_image import GreyImage, ImageStackError, size_te
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"})
 TIFF_SUFFIXES = frozenset({".tif", ".tiff"})
+# Of the steps from name to name that are alike: fewer, and the numbers are no images' numbers.
+_USUAL_SHARE = 0.8
 
 _READ_GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 
@@ -89,6 +92,37 @@ def _image_files(source: Path) -> tuple[tuple[Path, ...], bool]:
         if pages > 1:
             return (files[0],) * pages, True
     return tuple(files), False
+
+
+def name_jumps(names: tuple[str, ...]) -> dict[int, int]:
+    """Return how many names are missing after each, by the one number in which they differ.
+
+    Parameters
+    ----------
+    names
+        In natural order.
+
+    Returns
+    -------
+    dict[int, int]
+        By the place of the name before the gap; empty where names are not numbered evenly.
+    """
+    parts = [re.split(r"([0-9]+)", name.casefold()) for name in names]
+    if len({len(each) for each in parts}) != 1:
+        return {}
+    columns = [column for column in zip(*parts, strict=True) if len(set(column)) > 1]
+    if len(columns) != 1 or not all(each.isdecimal() for each in columns[0]):
+        return {}
+    numbers = [int(each) for each in columns[0]]
+    steps = [after - before for before, after in pairwise(numbers)]
+    usual = sorted(steps)[len(steps) // 2]
+    if usual < 1 or sum(step == usual for step in steps) < _USUAL_SHARE * len(steps):
+        return {}
+    return {
+        place: step // usual - 1
+        for place, step in enumerate(steps)
+        if step > usual and step % usual == 0
+    }
 
 
 def _natural_key(name: str) -> tuple[list[str | int], str]:

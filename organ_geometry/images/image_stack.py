@@ -35,6 +35,8 @@ class ImageStack:
         such as HU.
     notes
         What should be known about how the images were read, a sentence each.
+    doubts
+        What is probably wrong with the images, a sentence each.
     """
 
     source: Path
@@ -46,6 +48,7 @@ class ImageStack:
     level_offset: float = 0.0
     level_step: float = 1.0
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.names)

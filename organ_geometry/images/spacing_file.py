@@ -42,6 +42,7 @@ class SpacingRecord:
     row_dir: Vector | None = None
     slice_dir: Vector | None = None
     frames: list[PlaneRecord] | None = None
+    slice_count: float | None = None
 
 
 def read_spacing(folder: Path) -> tuple[Path | None, SpacingRecord]:
@@ -164,6 +165,7 @@ def _spacing_record(keys: _Keys) -> SpacingRecord:
         col_dir=keys.vector("col_dir"),
         row_dir=keys.vector("row_dir"),
         slice_dir=keys.vector("slice_dir"),
+        slice_count=keys.number("slice_count"),
         frames=None
         if planes is None
         else [

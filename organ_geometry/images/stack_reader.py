@@ -1,6 +1,7 @@
 """From files of images to a stack: folders, multipage TIFF, DICOM series and volumes."""
 
 import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,8 +23,9 @@ from organ_geometry.images.image_files import (
     FileSlices,
     file_slices,
     files_in,
+    name_jumps,
 )
-from organ_geometry.images.image_planes import check_pixel_size, planes_of_files
+from organ_geometry.images.image_planes import ImagePlanes, check_pixel_size, planes_of_files
 from organ_geometry.images.image_region import CroppedSlices, Region, cropped_planes, image_region
 from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.image_volume import (
@@ -41,6 +43,7 @@ from organ_geometry.images.medical_file import (
     read_header,
     volume_files,
 )
+from organ_geometry.images.spacing_file import read_spacing
 
 __all__ = ["ReadOptions", "read_image_stack", "stack_labels"]
 
@@ -198,6 +201,7 @@ def _file_stack(source: Path, options: ReadOptions) -> ImageStack:
         shape=files.shape,
         planes=planes,
         bytes_in=files.byte_count,
+        doubts=tuple(_missing_images(files, planes)),
     )
     if options.label is not None:
         _check_label(stack, options.label)
@@ -206,6 +210,30 @@ def _file_stack(source: Path, options: ReadOptions) -> ImageStack:
         levels = grey_levels(*options.window, whole=True)
         return _levelled(dataclasses.replace(stack, slices=WindowedSlices(files, levels)), levels)
     return stack
+
+
+def _missing_images(files: FileSlices, planes: ImagePlanes) -> Iterator[str]:
+    """Yield a sentence if images seem to be missing, by their names' numbers or spacing.json."""
+    gaps = np.linalg.norm(np.diff(planes.origins, axis=0), axis=1)
+    # A gap that the planes have, too, is none.
+    jumps = {
+        place: count
+        for place, count in name_jumps(files.names).items()
+        if gaps[place] < 1.5 * planes.slice_spacing
+    }
+    missing = sum(jumps.values())
+    if missing and not files.paged:
+        place = max(jumps, key=lambda each: jumps[each])
+        more = f" and at {len(jumps) - 1} other places" if len(jumps) > 1 else ""
+        lost = missing * planes.slice_spacing
+        yield (
+            f"{missing} images seem to be missing, as names jump from {files.names[place]} to "
+            f"{files.names[place + 1]}{more}: the organ is then {lost:.3g} mm too short"
+        )
+    path, spacing = read_spacing(files.files[0].parent)
+    count = spacing.slice_count
+    if count is not None and count != len(files.names) and count != len(files.names) + missing:
+        yield f"{path} says slice_count {count:g}, and there are {len(files.names)} images"
 
 
 def _check_label(stack: ImageStack, label: int) -> None:
@@ -221,6 +249,16 @@ def _check_label(stack: ImageStack, label: int) -> None:
 
 def _volume_stack(source: Path, label: int | None, window: Window | None) -> ImageStack:
     voxels, planes, levels = read_volume(source, label=label, window=window)
+    doubts: list[str] = []
+    if label is not None:
+        from organ_geometry.images.label_parts import DOUBTED_SHARE, label_parts
+
+        parts = label_parts(voxels > 0, np.array([*planes.pixel_size, planes.slice_spacing]))
+        if parts.share > DOUBTED_SHARE:
+            doubts.append(
+                f"label {label} is in {parts.count} parts, the second {parts.gap:.1f} mm from the "
+                f"first and {parts.share:.0%} of it, and an organ is one: join them"
+            )
     stack = ImageStack(
         source=source,
         names=_plane_names(source, "k", len(voxels)),
@@ -228,6 +266,7 @@ def _volume_stack(source: Path, label: int | None, window: Window | None) -> Ima
         shape=(voxels.shape[1], voxels.shape[2]),
         planes=planes,
         bytes_in=sum(file.stat().st_size for file in volume_files(source)),
+        doubts=tuple(doubts),
     )
     return stack if levels is None else _levelled(stack, levels)
 

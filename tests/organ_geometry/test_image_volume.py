@@ -142,6 +142,20 @@ def test_directions_in_space_name_the_nearest_axis(
     assert len(read_image_stack(tmp_path / "a.nrrd", ReadOptions(axis=axis))) == (5, 7, 6)[expected]
 
 
+def test_a_label_in_two_parts_is_doubted(tmp_path: Path) -> None:
+    voxels = np.zeros((20, 9, 9), dtype=np.uint8)
+    voxels[2:18, 3:6, 3:6] = 4
+    path = tmp_path / "labels.nrrd"
+    itk.WriteImage(itk.GetImageFromArray(voxels), str(path))
+    assert read_image_stack(path, ReadOptions(label=4)).doubts == ()
+    voxels[10:13] = 0
+    itk.WriteImage(itk.GetImageFromArray(voxels), str(path))
+    assert read_image_stack(path, ReadOptions(label=4)).doubts == (
+        "label 4 is in 2 parts, the second 4.0 mm from the first and 38% of it, and an organ is "
+        "one: join them",
+    )
+
+
 def test_a_label_becomes_a_mask_and_a_missing_one_is_answered_with_all(
     write_volume: Callable[..., Path],
 ) -> None:

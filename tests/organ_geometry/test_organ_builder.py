@@ -1,5 +1,6 @@
 """Stacks of drawn and of real sections become the organ they show."""
 
+import json
 import math
 from collections.abc import Callable
 from functools import cache
@@ -25,6 +26,7 @@ from organ_geometry.curves.half_curves import (
 )
 from organ_geometry.curves.outline_distance import polygon_distances
 from organ_geometry.encoder.encode import ToleranceTooSmall
+from organ_geometry.images.image_files import name_jumps
 from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_fitted, build_organ
@@ -355,6 +357,64 @@ def test_an_organ_that_most_images_do_not_show_is_doubtful(
     assert (half.sections_found, half.doubts) == (4, ())
     less = build_organ(read_image_stack(folder, ReadOptions(roi=(0, 0, *last, 1, 8))))
     assert less.doubts == ("the organ was found in only 3 of 8 images",)
+
+
+def test_images_that_are_missing_by_their_names_are_said(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    numbers = [0, 1, 2, 3, 4, 5, 9, 10, 11, 12]
+    images = [disc(cover, 20.0)] * len(numbers)
+    names = [f"section_{number:03d}" for number in numbers]
+    folder = write_stack(images, {**SPACING, "slice_count": 13}, names=names)
+    doubts = build_organ(read_image_stack(folder)).doubts
+    assert doubts == (
+        "3 images seem to be missing, as names jump from section_005.png to section_009.png: the "
+        "organ is then 1.5 mm too short",
+    )
+    (folder / "section_012.png").unlink()
+    *_, short = build_organ(read_image_stack(folder)).doubts
+    assert short.endswith("spacing.json says slice_count 13, and there are 9 images")
+    # A place of each image, which knows of the gap.
+    frames = [
+        {"origin_mm": [0.5 * number, 0, 0], "col_dir": [0, 1, 0], "row_dir": [0, 0, -1]}
+        for number in numbers[:-1]
+    ]
+    (folder / "spacing.json").write_text(json.dumps({"pixel_spacing_mm": 0.1, "frames": frames}))
+    assert build_organ(read_image_stack(folder)).doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("names", "jumps"),
+    [
+        (("a1.png", "a2.png", "a3.png"), {}),
+        (("a1", "a3", "a5", "a7", "a9", "a15", "a17", "a19"), {4: 2}),
+        (("a_1_x3", "a_1_x4", "a_1_x5", "a_1_x6", "a_1_x7", "a_1_x9"), {4: 1}),
+        (("17", "204", "399", "1200"), {}),  # numbers of no images
+        (("a", "b", "c"), {}),
+    ],
+)
+def test_gaps_in_names(names: tuple[str, ...], jumps: dict[int, int]) -> None:
+    assert name_jumps(names) == jumps
+
+
+def test_images_out_of_order_are_doubtful(cover: Cover, write_stack: WriteStack) -> None:
+    places = [(40.0 + index, 45.0 + 0.02 * index**2) for index in range(20)]
+    images = [disc(cover, 18.0 + 0.2 * index, place) for index, place in enumerate(places)]
+    said = "neighbouring images differ as much as any two do: they seem to be out of order"
+    folder = write_stack(images, SPACING)
+    assert said not in build_organ(read_image_stack(folder)).warnings
+    for index, image in enumerate(np.random.default_rng(2).permutation(np.array(images))):
+        cv2.imwrite(str(folder / f"slice_{index}.png"), image)
+    assert said in build_organ(read_image_stack(folder)).doubts
+
+
+def test_an_organ_of_which_a_third_is_lost_is_doubtful(
+    cover: Cover, write_stack: WriteStack
+) -> None:
+    empty = np.full(SHAPE, 50, dtype=np.uint8)
+    images = [empty if index in (3, 4, 7) else disc(cover, 20.0) for index in range(10)]
+    built = build_organ(read_image_stack(write_stack(images, SPACING)))
+    assert built.doubts == ("nothing was found in 3 of 10 sections of the organ: 3-4, 7",)
 
 
 def test_an_organ_that_runs_out_of_the_picture_is_doubtful(
