@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -76,14 +76,26 @@ class DracoMesh:
         )
 
 
+class TrueMesh(Protocol):
+    """A mesh that is decimated itself, and that errors are distances to."""
+
+    mesh: Mesh
+
+    def rms(self, mesh: Mesh, count: int) -> float:
+        """Return the RMS distance of a mesh, at so many of its points, mm."""
+        ...
+
+
 class DracoSearch:
     """Searches meshes, numbers of triangles and bits for the fewest bytes at an error."""
 
-    def __init__(self, organ: OrganSet) -> None:
+    def __init__(self, organ: OrganSet | TrueMesh, *, fewest: int = FEWEST_FACES) -> None:
         self.tried = 0  # Number of settings whose error was measured
         self._organ = organ
+        self._fewest = fewest  # Triangles
         self._draco: Any = import_module("DracoPy")
-        import_module("skimage.measure")  # missing, it is to be said here and not in a search
+        if isinstance(organ, OrganSet):
+            import_module("skimage.measure")  # missing, it is to be said here and not in a search
         self._simplify = import_module("fast_simplification").simplify
         self._meshes: dict[str, Mesh] = {}
         self._decimated: dict[tuple[str, float, int], tuple[Mesh, float]] = {}
@@ -98,6 +110,7 @@ class DracoSearch:
             if (name, aggression) not in found:
                 asked = least_count(
                     lambda faces: self._decimation(name, faces, aggression)[1] <= target,
+                    self._fewest,
                     ratio=MESH_RATIO,
                 )
                 # The decimation may stop at more triangles than it is asked for.
@@ -107,11 +120,19 @@ class DracoSearch:
                 found[name, aggression] = left, name, aggression, asked or NEVER
             return found[name, aggression][0]
 
+        if not isinstance(self._organ, OrganSet):
+            whole = self._organ.mesh
+            for aggression in AGGRESSIONS:
+                count("mesh", aggression, lambda: whole)
+            return sorted(one for one in found.values() if one[0] < NEVER)
+        organ = self._organ
+
         def loft(settings: dict[str, Any]) -> int:
             shape = {key: value for key, value in settings.items() if key != "aggression"}
             name = "loft, " + ", ".join(f"{key} {value:g}" for key, value in shape.items())
-            contours = self._organ.contours
-            return count(name, settings["aggression"], lambda: contour_loft(contours, **shape))
+            return count(
+                name, settings["aggression"], lambda: contour_loft(organ.contours, **shape)
+            )
 
         best: dict[str, Any] = FIRST_LOFT
         for _ in range(ROUNDS):
@@ -122,11 +143,13 @@ class DracoSearch:
                 break
         for blur in CUBES_BLUR:
             name = f"marching cubes, blur {blur:g}"
-            count(name, CUBES_AGGRESSION, lambda blur=blur: self._cubes(blur))
+            cubes = cubes_mesh(organ.stack, blur, 1)
+            count(
+                name,
+                CUBES_AGGRESSION,
+                lambda mesh=cubes: self._fewer(mesh, CUBES_FACES, CUBES_AGGRESSION),
+            )
         return sorted(one for one in found.values() if one[0] < NEVER)
-
-    def _cubes(self, blur: float) -> Mesh:
-        return self._fewer(cubes_mesh(self._organ.stack, blur, 1), CUBES_FACES, CUBES_AGGRESSION)
 
     def _fewer(self, mesh: Mesh, faces: int, aggression: float) -> Mesh:
         vertices, triangles = mesh

@@ -18,7 +18,7 @@ QUICK = ("physics", "organ_geometry", "assets")
 """Folders of the quick lane, `-m quick`; to it belong tests of `app` that need sessions only."""
 SLOW = {
     "test_a_beam_over_a_round_post",
-    "test_a_branch_is_doubted",
+    "test_a_branch_is_a_tube_of_its_own",
     "test_a_careful_hand_passes_every_exercise_and_the_others_none",
     "test_a_fork_s_joins_angles_and_radii_converge",
     "test_a_grey_aorta_is_found_where_its_masks_are_or_given_up",

@@ -197,6 +197,8 @@ def patient_case(
     sizes = {label: int((volume.values == label).sum()) for label in tubes}
     order = sorted(tubes, key=lambda label: (kinds[tubes[label]] != "duct", -sizes[label]))
     found = tubes_of_labels(volume, {label: tubes[label] for label in order}, progress=progress)
+    # Branches of a label, which are tubes of their own, are of its kind.
+    kinds = {tube.name: kinds[tubes[tube.label]] for tube in found.tubes}
     anatomy = _anatomy(volume, found, kinds, name)
     doubts = [*found.doubts, *_mirrored(found, kinds)]
     if not any("cystic" in tube and kinds[tube] == "artery" for tube in kinds):

@@ -8,12 +8,12 @@ and the two surfaces run into each other. The organ is made of the sections acro
 stages of the organ builder.
 """
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from organ_geometry.contours.traced_organ import TracedOrgan, TracedSection
 from organ_geometry.curves.fitted_organ import fit_organ
@@ -24,7 +24,8 @@ from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.label_volume import LabelVolume
 from organ_geometry.organ_builder import BuiltOrgan, Promise, build_fitted
 from organ_geometry.reslice.resliced_stack import ReslicedSlices
-from organ_geometry.tubes.tube_axis import TubeAxis, fitted_axis, label_voxels, tube_axis
+from organ_geometry.tubes.tube_axis import TubeAxis, fitted_axis
+from organ_geometry.tubes.tube_branches import outside_wall, split_labels
 from organ_geometry.tubes.tube_joins import TubeJoin, found_joins, parents_first
 
 __all__ = ["LabelTube", "LabelTubes", "tubes_of_labels"]
@@ -54,7 +55,7 @@ _THIN_VOXELS = 2.5  # of radius: a thinner tube is said
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LabelTube:
-    """A tube: its axis as found, its organ, and whether an end is at the volume's edge."""
+    """A label's tube: its axis as found, its organ, and which ends are at the volume's edge."""
 
     name: str
     label: int
@@ -120,17 +121,18 @@ def tubes_of_labels(
     """
     if not names:
         raise ImageStackError(f"none of the labels of {volume.source} is named as a tube")
-    steps = 2 * len(names)
     voxel = float(volume.sizes.prod() ** (1.0 / 3.0))
-    any_tube = np.isin(volume.values, list(names))
-    raw: dict[int, TubeAxis] = {}
-    doubts: list[str] = []
-    for label, name in names.items():
-        voxels = label_voxels(volume, label, name, any_tube)
-        doubts += voxels.doubts
-        raw[label] = tube_axis(volume, voxels)
+    counted = itertools.count(1)
+
+    steps = 2 * len(names)
+
+    def done() -> None:
         if progress is not None:
-            progress(len(raw), steps)
+            progress(next(counted), steps)
+
+    split = split_labels(volume, names, done=done)
+    volume, names, raw = split.volume, split.names, split.axes
+    doubts = list(split.doubts)
     joins, nearly = found_joins(volume, raw)
     order, joins = parents_first(list(names.values()), joins)
     by_name = {axis.name: axis for axis in raw.values()}
@@ -152,9 +154,10 @@ def tubes_of_labels(
             )
         cut = (_is_cut(volume, axis.places[0]), _is_cut(volume, axis.places[-1]))
         built = _organ(volume, led[name], promise, voxel)
-        made[name] = LabelTube(name, axis.voxels.label, led[name], built, cut)
-        if progress is not None:
-            progress(len(names) + len(made), steps)
+        label = split.first[axis.voxels.label]
+        made[name] = LabelTube(name, label, led[name], built, cut)
+        if axis.voxels.label == label:
+            done()
     placed = tuple(_placed(join, led) for join in joins)
     return LabelTubes(tuple(made.values()), placed, tuple(touches), (*doubts, *nearly))
 
@@ -291,16 +294,12 @@ def _is_cut(volume: LabelVolume, place: Floats) -> bool:
 
 def _branches(volume: LabelVolume, axis: TubeAxis, voxel: float) -> list[str]:
     """Return a doubt if much of a label lies outside its tube: a branch, or the rest of a ring."""
-    indices = np.argwhere(axis.voxels.inside)[:, ::-1] + axis.voxels.corner
-    places = volume.places(indices)
-    away, nearest = KDTree(axis.places).query(places)
-    stations = np.asarray(nearest, dtype=np.float64) * axis.step
-    wall = np.interp(stations, axis.wall.knots, axis.wall.coefficients[:, 0])
-    outside = np.asarray(away) > wall + max(_BRANCH_RADII * axis.radius, 2.0 * voxel)
+    outside, _ = outside_wall(volume, axis, max(_BRANCH_RADII * axis.radius, 2.0 * voxel))
     size = float(outside.sum()) * voxel**3
     if size <= _BRANCH_VOLUME * axis.radius**3:
         return []
-    x, y, z = np.median(places[outside], axis=0)
+    places = volume.places(np.argwhere(outside)[:, ::-1] + axis.voxels.corner)
+    x, y, z = np.median(places, axis=0)
     return [
         f"{axis.name}: {size:.0f} mm3 of its label lie outside the tube, near ({x:.0f}, {y:.0f}, "
         f"{z:.0f}): it may branch or be a ring, and a tube has one axis and two ends"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from organ_geometry.images.grey_image import ImageStackError
+from organ_geometry.images.label_parts import DOUBTED_SHARE, label_parts
 from organ_geometry.images.label_volume import LabelVolume
 from organ_geometry.reslice.centreline import (
     SMOOTH_RADII,
@@ -30,8 +31,8 @@ __all__ = ["LabelVoxels", "TubeAxis", "label_voxels", "tube_axis"]
 
 Floats = NDArray[np.float64]
 
-# A second part of a label with more than these shares of it is said, or refused.
-_SAID_SHARE, _REFUSED_SHARE = 0.02, 0.2
+# A second part of a label with more than this share of it is refused.
+_REFUSED_SHARE = 0.2
 _FEWEST_VOXELS = 12
 # Least radius of a tube, in voxels.
 _THINNEST = 0.75
@@ -139,26 +140,18 @@ def label_voxels(
         for one, size in zip(found[0], mine.shape, strict=True)
     )
     mine = mine[box]
-    labelled: Any = ndimage.label(mine, np.ones((3, 3, 3)))
-    parts, count = labelled
-    sizes = np.bincount(parts.ravel())[1:]
-    inside = parts == int(sizes.argmax()) + 1
-    total, voxel = int(sizes.sum()), float(volume.sizes.prod())
+    parts = label_parts(mine, volume.sizes)
+    inside, voxel = parts.largest, float(volume.sizes.prod())
     doubts: list[str] = []
-    if count > 1:
-        second = int(np.sort(sizes)[-2])
-        part = parts == int(np.argsort(sizes)[-2]) + 1
-        away = _away(~inside, volume.sizes)
-        gap = float(away[part].min())
-        if second > _REFUSED_SHARE * total:
-            raise ImageStackError(
-                f"label {label} ({name}) is in {count} parts, the second {gap:.1f} mm from the "
-                f"first and {second / total:.0%} of it: join them, or give each a label of its own"
-            )
-        if second > _SAID_SHARE * total:
-            doubts.append(
-                f"{name}: a part of {second} voxels, {gap:.1f} mm away, is left out of it"
-            )
+    if parts.share > _REFUSED_SHARE:
+        raise ImageStackError(
+            f"label {label} ({name}) is in {parts.count} parts, the second {parts.gap:.1f} mm from "
+            f"the first and {parts.share:.0%} of it: join them, or give each a label of its own"
+        )
+    if parts.share > DOUBTED_SHARE:
+        doubts.append(
+            f"{name}: a part of {parts.second} voxels, {parts.gap:.1f} mm away, is left out of it"
+        )
     if int(inside.sum()) < _FEWEST_VOXELS:
         raise ImageStackError(
             f"label {label} ({name}) has {int(inside.sum())} voxels: a tube needs "
