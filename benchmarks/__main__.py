@@ -26,6 +26,7 @@ from benchmarks.cubic_beam import cubic_array_rate, cubic_engine
 from benchmarks.dissection_exercises import measure_exercises
 from benchmarks.duct import DUCT, FORCE
 from benchmarks.engine import Engine
+from benchmarks.evidence import measure_evidence
 from benchmarks.exact_beam import exact_engines
 from benchmarks.geometry import measure_geometry, plain_table
 from benchmarks.haptic_servo import measure_haptics
@@ -154,6 +155,7 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
     "exercises": measure_exercises,
     "study": measure_study,
     "policies": measure_policies,
+    "evidence": measure_evidence,
 }
 
 

@@ -20,6 +20,7 @@ __all__ = [
     "Standing",
     "best",
     "bests",
+    "flat_measures",
     "results",
     "results_csv",
     "results_json",
@@ -164,7 +165,7 @@ def results_csv(found: Sequence[Result]) -> bytes:
             each.name, run.title, "yes" if run.assignment_id else "no", each.number, run.mode,
             run.started_at, each.word, run.reason,
         )  # fmt: skip
-        rows.append(dict(zip(TOLD, told, strict=True)) | _flat(each.measures))
+        rows.append(dict(zip(TOLD, told, strict=True)) | flat_measures(each.measures))
     out = io.StringIO()
     columns = dict.fromkeys([*TOLD, *(key for row in rows for key in row)])
     table = csv.DictWriter(out, list(columns), lineterminator="\r\n")
@@ -210,7 +211,7 @@ def results_json(store: ClassStore) -> bytes:
     return json.dumps(whole, ensure_ascii=False, indent=1).encode()
 
 
-def _flat(measures: Mapping[str, Any]) -> dict[str, object]:
+def flat_measures(measures: Mapping[str, Any]) -> dict[str, object]:
     """Return measures by column: those of both hands and of a tear apart."""
     flat: dict[str, object] = {}
     for key, value in measures.items():

@@ -46,6 +46,8 @@ def run_statements(
     run: RunRecord,
     course: Course | None = None,
     standing: Sequence[LevelStanding] = (),
+    *,
+    actor: str | None = None,
 ) -> list[Statement]:
     """Return the statements of a finished run: its result, its errors, a level that it mastered.
 
@@ -61,6 +63,8 @@ def run_statements(
         The course, if the run is a try at a level.
     standing
         Where its person stands in the course, with this run.
+    actor
+        The person's name in them; None for the pseudonym in this class.
 
     Returns
     -------
@@ -94,7 +98,7 @@ def run_statements(
     common: Json = {
         "actor": {
             "objectType": "Agent",
-            "account": {"homePage": home, "name": pseudonym(class_id, run.person_id)},
+            "account": {"homePage": home, "name": actor or pseudonym(class_id, run.person_id)},
         },
         "version": version,
     }

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from app.command_line.answer import AsJson
 from app.command_line.serving import Serving, draw_link, serve, serving
 from app.command_line.shared_options import options_of
 
@@ -270,6 +271,78 @@ def xapi(
         print(f"{counts} {reason}".rstrip())
     finally:
         store.close()
+
+
+@program.command("research-export")
+def research_export(
+    title: Title,
+    folder: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder to write to, with --people.")
+    ] = None,
+    people: Annotated[
+        Path | None,
+        typer.Option(help="List of people (CSV) with consent (yes or no) and group, filled in."),
+    ] = None,
+    ask: Annotated[
+        Path | None, typer.Option(help="Write that list with the class's names, to be filled in.")
+    ] = None,
+    key: Annotated[
+        Path | None,
+        typer.Option(
+            help="File of the key to pseudonyms, made if there is none; else none is kept."
+        ),
+    ] = None,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Tables as Parquet too.")] = False,
+) -> None:
+    """Write a class as data for research, without names: of those who have consented.
+
+    Example: bluntdissect class research-export "Surgery 3A" --people people.csv -o study
+    """
+    from app.classroom.research import consent_list, pseudonym_key, read_consents, write_research
+    from organ_geometry import write_atomic
+
+    if (ask is None) == (people is None) or (people is None) != (folder is None):
+        raise ValueError("give --ask people.csv first; then --people people.csv and -o")
+    store = _store(title)
+    try:
+        if ask is not None:
+            write_atomic(ask, consent_list(store))
+            print(f"{ask} has the names. Fill in consent (yes or no) and group.")
+        if people is not None and folder is not None:
+            groups = read_consents(people, store)
+            done = write_research(store, groups, folder, pseudonym_key(key), parquet=parquet)
+            print(f"{done.attempts} attempts of {done.people} people are in {folder}.")
+            print(f"Left out: {done.left_out} without consent.")
+            if done.small:
+                print(f"Not named, as fewer than five people are in them: {', '.join(done.small)}.")
+    finally:
+        store.close()
+
+
+@program.command("evidence")
+def evidence(
+    folder: Annotated[Path, typer.Argument(help="Of class research-export.")],
+    novices: Annotated[str, typer.Option(help="Name of the group of novices.")] = "novice",
+    experts: Annotated[str, typer.Option(help="Name of the group of experts.")] = "expert",
+    tries: Annotated[int, typer.Option(min=1, help="First attempts of a task that count.")] = 3,
+    retest: Annotated[
+        tuple[int, int], typer.Option(min=1, help="Days after the first try, from and to.")
+    ] = (7, 14),
+    as_json: AsJson = False,
+) -> None:
+    """Work out what a study of validity reports: groups told apart, retest, pass mark, learning.
+
+    Example: bluntdissect class evidence study --novices novice --experts expert
+    """
+    import msgspec
+
+    from app.classroom.evidence import Plan, evidence_lines, evidence_of
+
+    found = evidence_of(folder, Plan(novices, experts, tries, *retest))
+    if as_json:
+        print(msgspec.json.encode(found).decode())  # nan is null
+    else:
+        print("\n".join(evidence_lines(found)))
 
 
 @program.command("backup")

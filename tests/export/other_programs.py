@@ -4,7 +4,7 @@ import json
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
@@ -52,6 +52,25 @@ def validated(*files: Path) -> list[dict[str, dict[str, object]]]:
         text=True,
         timeout=120,
         check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def statement_faults(statements: Sequence[object], file: Path) -> list[int]:
+    """How many faults Learning Locker's validator finds in each xAPI statement of 1.0.3.
+
+    `file` is written with them.
+    """
+    checker = package("@learninglocker/xapi-validation")
+    file.write_text(json.dumps(statements))
+    script = (
+        f"const check = require({json.dumps(str(checker))});"
+        f"const all = JSON.parse(require('fs').readFileSync({json.dumps(str(file))}));"
+        "console.log(JSON.stringify(all.map(each => check.default(each).length)))"
+    )
+    done = subprocess.run(
+        [program("node"), "-e", script], capture_output=True, text=True, timeout=120, check=False
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
