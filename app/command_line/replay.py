@@ -69,11 +69,9 @@ def replay(
     elif frames is not None or edge_length is not None:
         raise ValueError("--frames and --edge-length are of a file that plays the run: give -o")
     original = read_run(read_bounded(run, MOST_BYTES, "run"))
-    if output is not None and original.log.start.anatomy is not None:
-        raise ValueError(
-            "this run is of an anatomy, which no file plays yet: leave out -o; --csv and --json "
-            "have what happened"
-        )
+    several = original.log.start.anatomy is not None
+    if several and output is not None and output.suffix.lower() != ".glb":
+        raise ValueError(f"cannot write {output}: a run at several tubes is played by a .glb")
     if csv is not None:
         check_target(csv)
     shape = organ_from(organ)
@@ -137,6 +135,14 @@ def _write_played(
     from organ_geometry import write_atomic
 
     rigged = path.suffix.lower() == ".glb"
+    if log.start.anatomy is not None:
+        from app.export.recorded_tubes import recorded_tubes, rigged_tubes
+
+        tubes = recorded_tubes(log, organ, frames=PAGE_FRAMES if frames is None else frames)
+        content = rigged_tubes(tubes, edge_length=0.5 if edge_length is None else edge_length)
+        write_atomic(path, content)
+        keys = len(next(iter(tubes.values())).motion.times)
+        return {"file": str(path), "bytes": len(content), "keys": keys}
     if frames is None:
         frames = MOST_FRAMES if rigged else PAGE_FRAMES
     run = RecordedRun.of_log(log, organ, frames=frames)

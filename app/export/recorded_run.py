@@ -19,6 +19,7 @@ from app.simulation import (
 )
 from organ_geometry import Organ
 from organ_geometry.mesh import TornPiece, organ_skin
+from physics import RuptureCheck
 
 __all__ = ["RUN", "RecordedRun"]
 
@@ -33,6 +34,7 @@ class RecordedRun:
     dissection: Dissection
     motion: Motion
     seed: int  # of the torn rim's raggedness
+    cut: RuptureCheck | None = None  # where it comes apart, if the last reading does not say
 
     @classmethod
     def of_log(cls, log: RunLog, organ: Organ, *, frames: int) -> "RecordedRun":
@@ -91,9 +93,9 @@ class RecordedRun:
 
     def pieces(self, *, edge_length: float) -> tuple[TornPiece, TornPiece] | None:
         """Return the two pieces that the duct tore into."""
-        if not self.torn:
+        if not self.torn and self.cut is None:
             return None
-        check = self.motion.readings[-1].check
+        check = self.cut or self.motion.readings[-1].check
         return self.dissection.torn_at(check, edge_length=edge_length, seed=self.seed)
 
     def at_end(self, *, edge_length: float) -> Snapshot:

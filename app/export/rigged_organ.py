@@ -23,7 +23,7 @@ mesh below its joints.)
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ from organ_geometry.mesh import (
     turned,
 )
 
-__all__ = ["ORGAN", "STRANDS", "rigged_organ"]
+__all__ = ["ORGAN", "STRANDS", "Rig", "rigged_organ", "rigged_organs"]
 
 ORGAN = "organ"
 """Name of the whole organ's mesh and its node."""
@@ -79,6 +79,18 @@ class _Chain:
     skin: int  # number of the glTF skin
 
 
+class Rig(NamedTuple):
+    """An organ that moves: what `rigged_organs` needs of each."""
+
+    name: str
+    skin: Skin
+    driving: DrivingPoints
+    motions: Sequence[Motion]  # as many, and of the same names, for each organ of a file
+    pieces: tuple[TornPiece, TornPiece] | None
+    radius: float  # mm
+    piece_names: tuple[str, str] = PIECES
+
+
 def rigged_organ(
     skin: Skin,
     driving: DrivingPoints,
@@ -88,51 +100,78 @@ def rigged_organ(
     radius: float,
 ) -> bytes:
     """Return an organ as a binary glTF that moves."""
-    if len(skin.vertices) > MOST_VERTICES:
+    return rigged_organs([Rig(ORGAN, skin, driving, motions, pieces, radius)])
+
+
+def rigged_organs(rigs: Sequence[Rig]) -> bytes:
+    """Return organs, each with its own rig, as one binary glTF that moves."""
+    for rig in rigs:
+        _check(rig)
+    file = GltfFile()
+    made = [_Rigged(file, rig) for rig in rigs]
+    for number, motion in enumerate(rigs[0].motions):
+        animation = _Animation(file)
+        for each in made:
+            each.animate(animation, number)
+        animation.close(motion.name)
+    return file.content()
+
+
+def _check(rig: Rig) -> None:
+    if len(rig.skin.vertices) > MOST_VERTICES:
         raise ValueError(
-            f"edge_length gives {len(skin.vertices):,} vertices and viewers move at most "
+            f"edge_length gives {len(rig.skin.vertices):,} vertices and viewers move at most "
             f"{MOST_VERTICES:,}; take a larger one, or export a still mesh"
         )
-    if pieces is None and not all(motion.whole.all() for motion in motions):
+    if rig.pieces is None and not all(motion.whole.all() for motion in rig.motions):
         raise ValueError("a motion tears the organ and its pieces are not given")
-    for motion in motions:
+    for motion in rig.motions:
         for piece in range(len(PIECES)):
             turns = np.eye(3) + motion.of_piece(piece).transforms[..., :3]
             if np.abs(np.swapaxes(turns, -1, -2) @ turns - np.eye(3)).max() > RIGID:
                 raise ValueError(f"transforms of motion {motion.name!r} must be rigid")
-    file = GltfFile()
-    first, last = _moving(motions)
-    whole = _chain(file, ORGAN, driving, np.arange(first, last + 1), shown=True)
-    mesh = _mesh(file, ORGAN, skin.bound_to(driving), whole)
-    file.add_root({"name": ORGAN, "mesh": mesh, "skin": whole.skin})
-    torn: list[tuple[_Chain, int, RimShapes]] = []
-    holder = whole.root
-    for number, piece in enumerate(pieces or ()):
-        name, bound = PIECES[number], piece.skin.bound_to(driving)
-        moved = [motion.of_piece(number) for motion in motions]
-        rim = rim_shapes(piece, bound, moved, tolerance=RIM_TOLERANCE * radius)
-        start = min(max(first, bound.index.min()), bound.index.max())
-        points = np.arange(start, max(start + 1, min(last, bound.index.max() + 1)) + 1)
-        if number:
-            points = points[::-1]  # it is held at the organ's end
-        chain = _chain(file, name, driving, points, shown=False)
-        mesh = _mesh(file, name, bound, chain, rim.shapes)
-        file.extend("nodes", holder, {"mesh": mesh, "skin": chain.skin})
-        torn.append((chain, holder, rim))
-        holder = chain.root
-    beds = [None if motion.bed is None else strand_mesh(motion.bed) for motion in motions]
-    hung = whole  # what the strands' ends follow: once there are pieces, joints of their own
-    if beds[0] is not None and motions[0].bed is not None:
-        if torn:
-            hung = _chain(file, STRANDS, driving, np.arange(first, last + 1), shown=True)
-        mesh = _strands(file, beds[0], motions[0].bed, driving, hung)
-        file.extend("nodes", holder, {"mesh": mesh, "skin": hung.skin})
 
-    for number, motion in enumerate(motions):
-        animation = _Animation(file)
-        animation.add_joints(whole, motion, motion.whole)
+
+class _Rigged:
+    """An organ's meshes and joints in a file."""
+
+    def __init__(self, file: GltfFile, rig: Rig) -> None:
+        self._rig, motions, driving = rig, rig.motions, rig.driving
+        first, last = _moving(motions)
+        self._whole = whole = _chain(
+            file, rig.name, driving, np.arange(first, last + 1), shown=True
+        )
+        mesh = _mesh(file, rig.name, rig.skin.bound_to(driving), whole)
+        file.add_root({"name": rig.name, "mesh": mesh, "skin": whole.skin})
+        self._torn: list[tuple[_Chain, int, RimShapes]] = []
+        self._holder = whole.root
+        for number, piece in enumerate(rig.pieces or ()):
+            name, bound = rig.piece_names[number], piece.skin.bound_to(driving)
+            moved = [motion.of_piece(number) for motion in motions]
+            rim = rim_shapes(piece, bound, moved, tolerance=RIM_TOLERANCE * rig.radius)
+            start = min(max(first, bound.index.min()), bound.index.max())
+            points = np.arange(start, max(start + 1, min(last, bound.index.max() + 1)) + 1)
+            if number:
+                points = points[::-1]  # it is held at the organ's end
+            chain = _chain(file, name, driving, points, shown=False)
+            mesh = _mesh(file, name, bound, chain, rim.shapes)
+            file.extend("nodes", self._holder, {"mesh": mesh, "skin": chain.skin})
+            self._torn.append((chain, self._holder, rim))
+            self._holder = chain.root
+        self._beds = [None if motion.bed is None else strand_mesh(motion.bed) for motion in motions]
+        self._hung = whole  # what the strands' ends follow: once there are pieces, their own joints
+        if self._beds[0] is not None and motions[0].bed is not None:
+            if self._torn:
+                self._hung = _chain(file, STRANDS, driving, np.arange(first, last + 1), shown=True)
+            mesh = _strands(file, self._beds[0], motions[0].bed, driving, self._hung)
+            file.extend("nodes", self._holder, {"mesh": mesh, "skin": self._hung.skin})
+
+    def animate(self, animation: "_Animation", number: int) -> None:
+        """Add a motion, by its number, to an animation."""
+        motion, driving = self._rig.motions[number], self._rig.driving
+        animation.add_joints(self._whole, motion, motion.whole)
         torn_keys = ~motion.whole
-        for piece, (chain, node, rim) in enumerate(torn):
+        for piece, (chain, node, rim) in enumerate(self._torn):
             animation.add_joints(chain, motion.of_piece(piece), torn_keys)
             if torn_keys.any() and len(rim.shapes):
                 # From the start on: Blender before 4.4 begins an action with its first key.
@@ -140,20 +179,18 @@ def rigged_organ(
                 weights = np.pad(rim.weights[number], ((1, 0), (0, 0)), mode="edge")
                 new = np.append(True, np.diff(times) > 0.0)
                 animation.add(node, "weights", times[new], weights[new].ravel())
-        bed = beds[number]
+        bed = self._beds[number]
         if bed is not None:
             later = np.append(np.diff(motion.times) > 0.0, True)  # no two keys at one time
-            if hung is not whole:
-                animation.add_joints(hung, motion.of_strands(driving), later)
+            if self._hung is not self._whole:
+                animation.add_joints(self._hung, motion.of_strands(driving), later)
             if len(bed.shapes):
                 weights = bed.weights[later].ravel()
-                animation.add(holder, "weights", motion.times[later], weights)
-        if torn:
-            animation.add_shown(whole, motion.times, motion.whole)
-            for chain, _, _ in torn:
+                animation.add(self._holder, "weights", motion.times[later], weights)
+        if self._torn:
+            animation.add_shown(self._whole, motion.times, motion.whole)
+            for chain, _, _ in self._torn:
                 animation.add_shown(chain, motion.times, torn_keys)
-        animation.close(motion.name)
-    return file.content()
 
 
 def _moving(motions: Sequence[Motion]) -> tuple[int, int]:

@@ -131,7 +131,7 @@ def test_a_performance_is_replayed_to_the_bit(name: str) -> None:
 
 
 def test_the_command_replays_a_performance(tmp_path: Path) -> None:
-    """Its incidents come as JSON; what plays a run of one duct is refused in a sentence."""
+    """Its incidents come as JSON; a page that plays one duct is refused in a sentence."""
     session, _ = shipped("hasty")
     file = tmp_path / "run.json"
     file.write_bytes(run_json(session.run_file()))
@@ -140,9 +140,9 @@ def test_the_command_replays_a_performance(tmp_path: Path) -> None:
     done = json.loads(made.stdout)
     assert done["as_recorded"] is True
     assert {"tear", "bleeding"} <= {each["error"] for each in done["incidents"]}
-    words = refused(["replay", file, "-o", tmp_path / "run.glb"])
-    assert "this run is of an anatomy" in words
-    assert not (tmp_path / "run.glb").exists()
+    words = refused(["replay", file, "-o", tmp_path / "run.html"])
+    assert "a run at several tubes is played by a .glb" in words
+    assert not (tmp_path / "run.html").exists()
 
 
 def clipped(*, clips: bool) -> Session:
