@@ -66,7 +66,7 @@ class _Hands:
     def grab(self, hand: int, station: float) -> tuple[float, float, float] | None:
         """Lead the tip to the duct and take hold; None where it does not come there."""
         duct = self._session.spatial
-        at = station * duct.beam.beam.span / self._env.task.specimen.beam.span
+        at = station * duct.beam.beam.span / self._env.task.duct.beam.span
         node = int(np.abs(duct.beam.stations - at).argmin())
         for _ in range(MOST_STEPS):
             # From above, and not along the duct while it is near.

@@ -1,5 +1,6 @@
 """One dissection under a policy: actions in, observations and rewards out, over a session."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,16 +27,20 @@ Observation = dict[str, NDArray[Any]]
 
 
 class Episode:
-    """A session that a policy works on.
+    """A session that a policy works on: one of its own, or one that others work on too.
 
     `bounds` are those of its observations, `bed_seed` is its bed's, `terms` are the weighted terms
     of the last step's reward, `terminated` and `truncated` as Gymnasium means them.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, session: Session | None = None) -> None:
         self.task = task
-        self.session = Session(task.specimen, vertices=VERTICES)
-        self.reset(int(task.seeds[0]))
+        if session is None:
+            self.session = Session(task.duct, vertices=VERTICES)
+            self.reset(int(task.seeds[0]))
+        else:
+            self.session, self.bed_seed = session, session.specimen.bed_seed
+            self._begin()
         self.bounds = task.bounds(self._tissue.beam.stations.size)
         self._camera = task.view(*task.picture) if PIXELS in self.bounds else None
 
@@ -51,10 +56,13 @@ class Episode:
         # The choice of an instrument starts the run, so that its clock is the episode's.
         for hand, instrument in enumerate(task.first_instruments):
             session.choose_instrument(hand, instrument)
-        self._ticks, self._peak = 0, 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._rates: dict[int, list[float]] = {}  # mm a tick, of acting hands and their jaws
         self.terminated = self.truncated = self.lost = False
         self._totals = self._counted()
-        self.terms = dict.fromkeys(task.weights, 0.0)
+        self.terms = dict.fromkeys(self.task.weights, 0.0)
 
     @property
     def space(self) -> spaces.Dict:
@@ -74,29 +82,44 @@ class Episode:
 
     def act(self, action: Floats) -> float:
         """Do one step with an action of finite numbers from -1 to 1; return the reward."""
-        task, session = self.task, self.session
+        self.decide(action)
+        for _ in range(self.task.ticks_per_step):
+            self.lead()
+            if self.advance():
+                break
+        return self.judge()
+
+    def decide(self, action: Floats, hands: Sequence[int] | None = None) -> None:
+        """Take hold, let go and set rates by an action, of some of its hands or of all."""
+        task = self.task
         rows = action.reshape(task.hands, task.actions)
-        speed = task.speed * TICK_SECONDS
-        for hand, row in enumerate(rows.tolist()):
-            self._grip(hand, *row[4:])
-        ways: list[list[float]] = (rows[:, :4] * speed).tolist()
-        for _ in range(task.ticks_per_step):
-            for hand, (x, y, z, opened) in enumerate(ways):
-                holder = self._tissue.hands[hand]
-                a, b, c = holder.target.tolist()
-                session.move_hand(hand, (a + x, b + y, c + z))
-                if opened:
-                    session.open_jaws(hand, holder.target_opening + opened)
-            try:
-                session.advance()
-            except NoEquilibrium:  # the duct is lost: nothing is known of it any more
-                self.lost = True
-                break
-            self._ticks += 1
-            self._peak = max(self._peak, self._tissue.stress_ratio)
-            if session.run.over or self._ticks >= task.limit_ticks:
-                break
-        return self._judge()
+        rates: list[list[float]] = (rows[:, :4] * (task.speed * TICK_SECONDS)).tolist()
+        acting = range(task.hands) if hands is None else hands
+        for hand in acting:
+            self._grip(hand, *rows[hand, 4:].tolist())
+        self._rates = {hand: rates[hand] for hand in acting}
+
+    def lead(self) -> None:
+        """Lead the acting hands for a tick at their rates."""
+        session = self.session
+        for hand, (x, y, z, opened) in self._rates.items():
+            holder = self._tissue.hands[hand]
+            a, b, c = holder.target.tolist()
+            session.move_hand(hand, (a + x, b + y, c + z))
+            if opened:
+                session.open_jaws(hand, holder.target_opening + opened)
+
+    def advance(self) -> bool:
+        """Advance by a tick; return whether the episode is over."""
+        try:
+            self.session.advance()
+        except NoEquilibrium:  # the duct is lost: nothing is known of it any more
+            self.lost = True
+        return self.lost or self.session.run.over or self._late
+
+    @property
+    def _late(self) -> bool:
+        return self.session.run.ticks >= self.task.limit_ticks
 
     def _grip(self, hand: int, grip: float, instrument: float | None = None) -> None:
         """Choose an instrument, where that is free, and take hold or let go."""
@@ -113,14 +136,14 @@ class Episode:
             squares = (away**2).sum(axis=1)
             nearest = int(squares.argmin())
             if squares[nearest] <= REACH_MM**2:
-                beam, span = self._tissue.beam, self.task.specimen.beam.span
+                beam, span = self._tissue.beam, self.task.duct.beam.span
                 session.grab(hand, float(beam.stations[nearest]) * span / beam.beam.span)
 
-    def _judge(self) -> float:
+    def judge(self) -> float:
         """Set whether the episode is over, and the terms of the step's reward; return their sum."""
         passed, over = self._passed, self.session.run.over or self.lost
         # The end of its time fails an exercise; of an episode it says nothing.
-        late = self._ticks >= self.task.limit_ticks and not (passed or self._torn or self.lost)
+        late = self._late and not (passed or self._torn or self.lost)
         self.truncated, self.terminated = late, over and not late
         before, self._totals = self._totals, self._counted()
         self.terms = {
@@ -139,9 +162,9 @@ class Episode:
         return {
             "progress": run.progress,
             "parted": min(float(within.mean()) / asked, 1.0),
-            "time": self._ticks * TICK_SECONDS,
+            "time": run.seconds,
             "errors": len(run.incidents()),
-            "stress": self._peak,
+            "stress": self._tissue.peak_stress_ratio,
             "passed": self._passed,
             "failed": self.terminated and not self._passed,
         }
@@ -162,7 +185,7 @@ class Episode:
             "seconds": self._totals["time"],
             "progress": self._totals["progress"],
             "errors": int(self._totals["errors"]),
-            "peak_stress_ratio": self._peak,
+            "peak_stress_ratio": self._totals["stress"],
             "passed": self._passed,
             "torn": self._torn,
             "reward_terms": dict(self.terms),
@@ -185,8 +208,8 @@ class Episode:
             row[8 + INSTRUMENTS.index(holder.instrument)] = 1.0
         out["duct"][:] = tissue.beam.places - tissue.beam.rest_places
         out["strands"][:] = 1.0 - self._parted
-        out["wall"][:] = tissue.stress_ratio, tissue.station, self._peak
-        left = (task.limit_ticks - self._ticks) * TICK_SECONDS
+        out["wall"][:] = tissue.stress_ratio, tissue.station, tissue.peak_stress_ratio
+        left = (task.limit_ticks - self.session.run.ticks) * TICK_SECONDS
         out["goal"][:] = goal.from_mm, goal.to_mm, goal.length_mm, self._totals["progress"], left
         for key in OBSERVATIONS:
             low, high = self.bounds[key]

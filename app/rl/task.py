@@ -141,6 +141,8 @@ class Task:
         Name of a bed; the scar's exercise brings its own.
     organ, preset
         An organ file and the name of a preset; the shipped duct with the thesis's when None.
+    specimen
+        A duct in its bed instead of these three.
     hands
         How many hands act, 1 or 2.
     instruments
@@ -167,6 +169,7 @@ class Task:
     bed: str = "normal"
     organ: str | Path | None = None
     preset: str | None = None
+    specimen: Specimen | None = None
     hands: int = 2
     instruments: Sequence[Instrument] | str | None = None
     ticks_per_step: int = 3
@@ -217,8 +220,10 @@ class Task:
                     raise ValueError(f"{each!r} is not allowed here; there are {_lists(allowed)}")
 
     @cached_property
-    def specimen(self) -> Specimen:
+    def duct(self) -> Specimen:
         """What is in hand."""
+        if self.specimen is not None:
+            return self.specimen
         organ = None if self.organ is None else Path(self.organ)
         return _specimen(self.bed, organ, self.preset)
 
@@ -227,7 +232,7 @@ class Task:
         """The exercise."""
         if isinstance(self.exercise, Exercise):
             return self.exercise
-        offered = _exercises(self.specimen)
+        offered = _exercises(self.duct)
         if self.exercise not in offered:
             raise ValueError(
                 f"exercise must be one of {_lists(list(offered))} in a {self.bed} bed, "
@@ -268,7 +273,7 @@ class Task:
     @cached_property
     def bins(self) -> NDArray[np.float64]:
         """(B,) middles of the mm of the duct at which strands are observed, mm."""
-        return np.arange(max(1, round(self.specimen.beam.span)), dtype=np.float64) + 0.5
+        return np.arange(max(1, round(self.duct.beam.span)), dtype=np.float64) + 0.5
 
     @cached_property
     def within(self) -> NDArray[np.bool_]:
@@ -277,7 +282,7 @@ class Task:
 
     def view(self, height: int, width: int) -> Camera:
         """Return the camera, for pictures of a size."""
-        return Camera(height, width, self.specimen.beam.span, self.camera)
+        return Camera(height, width, self.duct.beam.span, self.camera)
 
     @cached_property
     def actions(self) -> int:
@@ -301,7 +306,7 @@ class Task:
 
     def bounds(self, nodes: int) -> dict[str, tuple[NDArray[Any], NDArray[Any]]]:
         """Return the smallest and largest observations of a duct with so many nodes, by key."""
-        span = self.specimen.beam.span
+        span = self.duct.beam.span
         rows = {"hands": self.hands, "duct": nodes}
         found: dict[str, tuple[NDArray[Any], NDArray[Any]]] = {}
         for key, numbers in OBSERVATIONS.items() if self.observation != PIXELS else ():

@@ -216,7 +216,7 @@ class SpatialTissue:
         # the largest; where, mm from that tube's first end, and of which tube
         self.stress_ratio, self.station, self.worst_tube = 0.0, 0.0, 0
         self._leaking: set[tuple[str, str]] = set()  # fluids and tubes that lose some
-        self._peak = 0.0
+        self.peak_stress_ratio = 0.0  # since all was made whole
         self.broken: int = self.beam.broken
         self.freed = self.beam.freed  # mm
         self._before = np.empty_like(self.beam.places)
@@ -539,7 +539,7 @@ class SpatialTissue:
         self.stress_ratio = max(self.stress_ratios)
         self.worst_tube = self.stress_ratios.index(self.stress_ratio)
         self.station = checks[self.worst_tube].station
-        self._peak = max(self._peak, self.stress_ratio)
+        self.peak_stress_ratio = max(self.peak_stress_ratio, self.stress_ratio)
         for tube, (name, check) in enumerate(zip(self.tubes.names, checks, strict=True)):
             if self.stress_ratios[tube] <= 1.0 or self.tears[tube] is not None:
                 continue
@@ -645,7 +645,7 @@ class SpatialTissue:
             deflection=deflection,
             deepest=deflection,
             breaks_at=None,
-            peak_stress_ratio=self._peak,
+            peak_stress_ratio=self.peak_stress_ratio,
             strands=beam.strands.count,
             broken=self.broken,
             freed=self.freed,

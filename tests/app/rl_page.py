@@ -22,7 +22,7 @@ def tables() -> str:
 
 
 def _rows(numbers: tuple[Number, ...]) -> list[str]:
-    span = Task().specimen.beam.span
+    span = Task().duct.beam.span
     return [
         "| number | unit | from | to | what |",
         "|---|---|---|---|---|",
