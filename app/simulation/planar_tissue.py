@@ -228,6 +228,11 @@ class PlanarTissue:
         x, y, _ = self.grasped.hook()
         return x, y, self.grasped.rest_height + self.grasper.deflection
 
+    def stop(self) -> None:
+        """Leave the hand where it is."""
+        if self.tear is None and self.grasper.holds:
+            self.grasper.stop_at(self.grasper.force, self.grasper.deflection)
+
     def advance(self) -> bool:
         """Advance by one tick; return whether anything has changed."""
         whole, grasp = self.tear is None, self.grasped.grasp

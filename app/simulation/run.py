@@ -59,6 +59,11 @@ class Run:
         return self._start is not None and not self._over
 
     @property
+    def closed(self) -> bool:
+        """Whether an exercise is over, so that no hand moves the tissue until all is made whole."""
+        return self.exercise is not None and self._over
+
+    @property
     def ticks(self) -> int:
         """Ticks so far."""
         return self._taker.ticks

@@ -55,6 +55,8 @@ MOST_TRIES = 20
 """Most finished exercises kept for comparison."""
 # What an exercise that counts the hand alone does not take.
 BY_SLIDER: frozenset[InputKind] = frozenset({"force", "grasp", "threshold"})
+# What still acts when an exercise is over: what ends a pull, and settings of the next one.
+AFTER_RESULT: frozenset[InputKind] = frozenset({"release", "grasp", "threshold"})
 
 
 def free_specimen(
@@ -222,6 +224,8 @@ class Session:
         with self._lock:
             if kind in BY_SLIDER and self.run.hand_only:
                 return None
+            if self.run.closed and kind not in AFTER_RESULT:
+                return None
             applied = self.tissue.apply(hand, kind, values, self._begin_run)
             if applied is None:
                 return None
@@ -240,6 +244,8 @@ class Session:
                 if self.run.going:
                     self._taker.take(moved=moved)
                     self.run.end_tick(over=tissue.over)
+                    if self.run.closed:
+                        tissue.stop()
             if changed:
                 self._draw()
             return changed or tissue.moving
@@ -432,7 +438,8 @@ class Session:
         """Start anew with an exercise, in its bed, or at `task_grasp` if no grasp is given.
 
         Its time runs from the first input. With inputs "hand", a force, another grasp or another
-        threshold is ignored until it is over.
+        threshold is ignored until it is over. Then the hands stay where they are, and may only let
+        go, until a reset or another exercise.
         """
         with self._lock:
             self._take_bed_of(exercise)
@@ -468,9 +475,12 @@ class Session:
             raise ValueError(f"{exercise.title} is done on a duct in a plane, without a bed")
 
     def finish(self) -> None:
-        """End the run as it stands; the duct stays as it is."""
+        """End the run as it stands; the duct stays as it is, and so do the hands of an exercise."""
         with self._lock:
+            going = self.run.going
             self.run.finish()
+            if going and self.run.closed:
+                self.tissue.stop()
 
     def metrics(self) -> Metrics:
         """Return the measures of this run so far, by key; in space a `ValueError` before it."""

@@ -498,6 +498,12 @@ class SpatialTissue:
         """Whether the first tube's drawn pieces still come to rest."""
         return self.tears[0] is not None and self._torn_ticks * TICK_SECONDS < SETTLED_SECONDS
 
+    def stop(self) -> None:
+        """Leave each hand where it is."""
+        for hand in self.hands:
+            hand.put(hand.place)
+            hand.target_opening = hand.opening
+
     def advance(self) -> bool:
         """Advance by one tick; return whether anything has moved."""
         self.ticks += 1

@@ -102,6 +102,10 @@ class Tissue(Protocol):
         """Return where a hand holds the duct, mm, or None."""
         ...
 
+    def stop(self) -> None:
+        """Leave each hand where it is."""
+        ...
+
     def advance(self) -> bool:
         """Advance by one tick; return whether anything has moved."""
         ...

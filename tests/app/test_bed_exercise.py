@@ -127,6 +127,30 @@ def test_an_exercise_made_again_ends_with_the_same_words() -> None:
     assert session.reading().broken == 0
 
 
+def test_no_hand_moves_the_duct_in_its_bed_after_the_result() -> None:
+    session = session_in("normal", 1)
+    session.start_exercise(offered(session)["window"])
+    session.move_hand(1, session.spatial.hands[1].place + np.array([0.0, 24.0, 0.0]))
+    session.advance(5)
+    session.open_jaws(1, 40.0)
+    session.finish()  # while the hand and its jaws are under way
+    session.advance(30)
+    before = session.spatial.beam.places.copy(), session.spatial.hands[1].place.copy()
+    broken = session.spatial.broken
+    session.move_hand(1, session.spatial.hands[1].place + 10.0)
+    session.open_jaws(1, 40.0)
+    session.choose_instrument(1, "swab")
+    assert session.grab(0, 25.4) is None
+    session.advance(60)
+    hand = session.spatial.hands[1]
+    assert (hand.instrument, hand.opening < 40.0) == ("dissector", True)
+    assert hand.place == pytest.approx(before[1], abs=0.0)
+    assert session.spatial.beam.places == pytest.approx(before[0], abs=1e-3)
+    assert session.spatial.broken == broken
+    session.reset()
+    assert session.grab(0, 25.4) is not None
+
+
 def test_an_exercise_begins_with_the_right_instruments_and_says_what_still_holds() -> None:
     session = session_in("normal", 1)
     exercise = offered(session)["window"]

@@ -471,6 +471,34 @@ def test_the_goal_is_seen_where_the_hand_holds_until_the_exercise_is_over() -> N
     assert session.goal is None
 
 
+def test_no_hand_moves_the_duct_after_the_result_until_it_is_made_whole() -> None:
+    session = session_on(DUCTS[0])
+    hold = exercises(session)[0]
+    session.start_exercise(hold)
+    session.grab(0, 25.4)
+    session.lift(session.planar.deflection_limit)  # on to the tear, if nothing stopped it
+    while not session.run.over:
+        session.advance()
+    assert session.run.outcome is not None
+    there = session.reading()
+    assert there.torn_at is None
+    file = session.run_file()
+    session.lift(session.planar.deflection_limit)
+    session.set_target_force(100.0)
+    assert session.grab(0, 20.0) is None
+    session.advance(60)
+    assert session.reading() == there
+    assert session.run_file() == file
+    session.release()
+    session.advance(60)
+    assert session.reading().deflection == pytest.approx(0.0, abs=1e-3)
+    session.reset()
+    session.grab(0, 25.4)
+    session.lift(session.planar.deflection_limit)
+    session.advance(120)
+    assert session.reading().torn_at is not None, "without an exercise it tears"
+
+
 def test_earlier_tries_are_those_of_the_same_task_in_this_session() -> None:
     session = session_on(DUCTS[0])
     hold, approach, _ = exercises(session)

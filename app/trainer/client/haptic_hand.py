@@ -109,7 +109,8 @@ class HapticHand:
             return
         if self._torn:  # a new duct, which may be equal to the old one
             self._torn, self._felt = False, "torn"
-        watching = state.playback is not None or state.paused or state.force_off
+        ended = session.run.closed and state.end_is_news  # the next pull may begin anew
+        watching = state.playback is not None or state.paused or state.force_off or ended
         if watching:
             self._let_go(state)
         setting = None if watching else felt_in(session)
@@ -137,7 +138,7 @@ class HapticHand:
     def _lead_in_space(self, state: PageState) -> None:
         session = state.session
         duct, run = session.spatial, session.run
-        watching = state.playback is not None or state.paused or state.force_off
+        watching = state.playback is not None or state.paused or state.force_off or run.closed
         if watching or duct.torn is not None:
             if self._felt is not None and duct.torn is None:
                 self._let_go(state)

@@ -41,6 +41,7 @@ PAST_BREAK = 1.05
 """Target of a ramp to the tear, over the force at break."""
 FORCE_KEY = "F takes its force away, and gives it back."
 EXERCISE_GOES_ON = "An exercise goes on until it is over. Stop it first."
+EXERCISE_OVER = "The exercise is over. Reset (R) makes all whole, to try again or to go on."
 HAND_ONLY = "In this exercise only your hand counts: drag the duct or the hook."
 BOTH_HANDS = "both hands, by mouse, touch or keys."
 COUNTED: dict[ExerciseInputs, str] = {
@@ -420,9 +421,12 @@ class PageState:
         holder, station = self.hands[self.hand], hold.station
         if station is None and self.in_plane:  # whose hook is around the duct
             station = self.session.planar.grasp
+        takes = station is not None and holder.instrument in HOLDING
+        self._begin_anew(takes)
+        if self._is_closed():
+            return
         self._dragged_from = holder.place.copy()
-        if station is not None and holder.instrument in HOLDING:
-            self._begin_anew(True)
+        if takes and station is not None:
             place = self._take(station)
             if place is None:
                 return
@@ -472,7 +476,7 @@ class PageState:
 
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Make a hand the active one, with this instrument; one that it has it keeps as it is."""
-        if self.playback is not None or self._refuses(hand):
+        if self.playback is not None or self._refuses(hand) or self._is_closed():
             return
         if instrument not in self.instruments:
             self.refuse(f"This exercise is done with: {', '.join(self.instruments)}.")
@@ -489,12 +493,12 @@ class PageState:
 
     def nudge(self, displacement: NDArray[np.float64]) -> None:
         """Move the active hand's tip, (3,) mm in the duct's frame."""
-        if self._dragged is None and not self._refuses(self.hand):
+        if self._dragged is None and not self._refuses(self.hand) and not self._is_closed():
             self.session.move_hand(self.hand, self.hands[self.hand].target + displacement)
 
     def open_jaws(self, opening: float) -> None:
         """Open or close the active hand's dissector, mm between its jaws."""
-        if self.playback is None:
+        if self.playback is None and not self._is_closed():
             self.session.open_jaws(self.hand, opening)
 
     def open_more(self, more: float) -> None:
@@ -523,7 +527,9 @@ class PageState:
         elif self.hand < self.device_hands:
             self.device_holds[self.hand] = True
         elif holder.instrument in HOLDING:
-            self._take(float(holder.place[0]))
+            self._begin_anew(True)
+            if not self._is_closed():
+                self._take(float(holder.place[0]))
         else:
             self.refuse("Only a hook and a grasper hold. Press N for the next instrument.")
 
@@ -595,6 +601,13 @@ class PageState:
             "The device holds the left hand's hook",
             f"{device}: {TAKES}. The mouse and the keys have the right hand. {FORCE_KEY}",
         )
+
+    def _is_closed(self) -> bool:
+        """Return whether an exercise is over, whose result stands; then tell the client so."""
+        closed = self.session.run.closed
+        if closed and not self.end_is_news:  # else the result is about to be shown
+            self.refuse(EXERCISE_OVER)
+        return closed
 
     def _refuses(self, hand: int) -> bool:
         """Return whether a device has the hand; then tell the client so."""
