@@ -10,6 +10,7 @@ __all__ = [
     "EXPERIMENTS",
     "FREQUENCIES",
     "PRESETS",
+    "RELAXATIONS",
     "SCRIPTS",
     "TUBE_KINDS",
     "VALIDATION",
@@ -26,6 +27,9 @@ PRESETS: Path = Path(__file__).parent / "presets.toml"
 
 BEDS: Path = Path(__file__).parent / "beds.toml"
 """Beds of connective tissue, each with its source and how sure it is."""
+
+RELAXATIONS: Path = Path(__file__).parent / "relaxations.toml"
+"""How tissue relaxes while it is held, each with its source and how sure it is."""
 
 VALIDATION: Path = Path(__file__).parent / "validation.toml"
 """The thesis's tables and curves of solids, which the theories are held against."""

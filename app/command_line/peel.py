@@ -84,6 +84,10 @@ def report_history(
         ("stored", f"{history.stored[-1]:.6g} mJ"),
         ("dissipated", f"{history.dissipated[-1]:.6g} mJ"),
         ("snap", f"{history.snap[-1]:.6g} mJ"),
+    ]
+    if history.viscous is not None:
+        lines.append(("viscous", f"{history.viscous[-1]:.6g} mJ"))
+    lines += [
         ("not explained", f"{history.residual_ratio:.1e} of the work"),
     ]
     if threshold is not None:

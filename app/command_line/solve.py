@@ -78,6 +78,16 @@ def solve(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Bed: write the history as CSV here.")
     ] = None,
+    step_seconds: Annotated[
+        float | None,
+        typer.Option(
+            help="Bed: time that a step takes, s, in which strands and wall relax; none relax if "
+            "not given."
+        ),
+    ] = None,
+    hold: Annotated[
+        float | None, typer.Option(help="Bed: after --lift hold for so many seconds.")
+    ] = None,
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
@@ -85,7 +95,8 @@ def solve(
 
     Examples: bluntdissect solve --preset thesis-bile-duct --force 3.56, or
     bluntdissect solve --span 50.8 --diameter 8.89 --modulus 0.310264 --deflection 10 --json, or
-    bluntdissect solve --bed firm --hook 31 --lift 6
+    bluntdissect solve --bed firm --hook 31 --lift 6, or
+    bluntdissect solve --bed firm --hook 31 --lift 6 --step-seconds 0.1 --hold 10
     """
     in_bed = BedOptions(**options)
     of_pull = {"--grasp": grasp, "--force": force, "--deflection": deflection}
@@ -93,10 +104,19 @@ def solve(
     of_pull |= {"--poisson": poisson, "--shear": shear or None}
     of_pull |= {"--theory": theory != "cubic" or None, "--wall": wall}
     of_pull |= {"--load": load != "across" or None, "--angle": angle, "--pressure": pressure}
-    in_bed.check(of_bed={"-o": output}, of_pull=of_pull)
+    timed = {"--step-seconds": step_seconds, "--hold": hold}
+    in_bed.check(of_bed={"-o": output, **timed}, of_pull=of_pull)
     if in_bed.bed is not None:
         _solve_in_bed(
-            in_bed.bed, in_bed, preset, organ, threshold, output, (law, stiffening), as_json=as_json
+            in_bed.bed,
+            in_bed,
+            preset,
+            organ,
+            threshold,
+            output,
+            (law, stiffening),
+            (step_seconds, hold),
+            as_json=as_json,
         )
         return
     from physics import Beam, Exact, Linear, break_of, check_rupture, critical_stations
@@ -247,6 +267,7 @@ def _solve_in_bed(
     threshold: float | None,
     output: Path | None,
     law: tuple[str | None, float | None],
+    times: tuple[float | None, float | None],
     *,
     as_json: bool,
 ) -> None:
@@ -255,8 +276,16 @@ def _solve_in_bed(
     from app.simulation import bed_named
     from organ_geometry import check_target
     from physics.bed import Hand, pull
+    from physics.quantity import positive
 
     path = options.hook_path()
+    steps: int | tuple[int, ...] = options.steps
+    (step, hold), waits = times, 0
+    if hold is not None:
+        if step is None or options.lift is None:
+            raise ValueError("--hold goes with --lift and --step-seconds")
+        waits = math.ceil(positive(hold, "--hold", "s") / positive(step, "--step-seconds", "s"))
+        path, steps = (*path, *path), (options.steps, waits)
     if output is not None:
         check_target(output)
     specimen = specimen_from(
@@ -267,11 +296,20 @@ def _solve_in_bed(
         bed=bed_named(name),
         bed_seed=options.seed,
         threshold_MPa=threshold,
+        relaxation=step is not None,
     )
     at = 0.5 * specimen.beam.span if options.hook is None else options.hook
     beam = specimen.space_beam(elements=options.elements, nodes_at=[at])
-    hand = Hand(at=at, path=path, steps=options.steps)
-    history = pull(beam, specimen.layer(beam, options.strands), [hand])
+    hand = Hand(at=at, path=path, steps=steps)
+    strands, wall = specimen.relaxing
+    history = pull(
+        beam,
+        specimen.layer(beam, options.strands),
+        [hand],
+        step_seconds=0.0 if step is None else positive(step, "--step-seconds", "s"),
+        strand_relaxation=strands,
+        wall_relaxation=wall,
+    )
     if specimen.doubt:
         history = replace(history, notes=(*history.notes, specimen.doubt))
     report_history(history, specimen.threshold, output, law=specimen.preset.law, as_json=as_json)

@@ -47,6 +47,7 @@ class BedPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     strands_a_mm: float = 11.811
     floor_N_mm2: float = 0.3  # noqa: N815
     patch: PatchPreset | None = None
+    relaxation: str | None = None  # how its strands relax, by name; not at all when None
 
     def bed(
         self,

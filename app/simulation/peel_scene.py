@@ -3,13 +3,14 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import msgspec
 import numpy as np
 
 from app.bounded_file import decoded, read_bounded
 from app.simulation.bed_preset import bed_named
+from app.simulation.relaxation_preset import Prony, relaxation_named
 from physics import Beam, LawName, law_named
 from physics.bed import (
     Bed,
@@ -394,6 +395,32 @@ class RodTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         )
 
 
+class TimeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[time]`: how long a step takes, and how strands and walls relax meanwhile."""
+
+    step_s: Number
+    strands: str | Prony | None = None  # name of a shipped relaxation, or its constants
+    wall: str | Prony | None = None
+
+    def settings(self, steps: int) -> dict[str, Any]:
+        """Return what `pull` takes for so many steps."""
+        strands, wall = (
+            relaxation_named(each) if isinstance(each, str) else each
+            for each in (self.strands, self.wall)
+        )
+        if strands is None and wall is None:
+            raise ValueError("[time] needs strands or wall, which relax: nothing else takes time")
+        seconds = positive(self.step_s, "step_s of [time]", "s")
+        for each in (self.strands, self.wall):
+            if isinstance(each, Prony):
+                each.made().within(seconds * steps)
+        return {
+            "step_seconds": seconds,
+            "strand_relaxation": None if strands is None else strands.made(),
+            "wall_relaxation": None if wall is None else wall.made(),
+        }
+
+
 class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A beam on a bed, or tubes that join, and the hands that pull them."""
 
@@ -405,6 +432,7 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tube: list[TubeTable] = []
     join: list[JoinTable] = []
     layer: list[LayerTable] = []
+    time: TimeTable | None = None  # no time goes by without it
 
     def played(self) -> History:
         """Move the hands along their paths."""
@@ -434,7 +462,16 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             rods=[each.made() for each in self.rod],
             plane=self.beam.plane,
             floor=np.sum([bed.floor_under(beam) for bed in beds], axis=0) if beds else None,
+            **self._timed,
         )
+
+    @property
+    def _timed(self) -> dict[str, Any]:
+        if self.time is None:
+            return {}
+        each = [(table.from_step, table.steps) for table in (*self.hand, *self.rod)]
+        steps = max(a + (sum(b) if isinstance(b, list) else b) for a, b in each)
+        return self.time.settings(steps)
 
     def _network_played(self) -> History:
         """Move the hands along their paths at tubes that join."""
@@ -489,6 +526,7 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 for each in self.tube
                 if each.break_stress_MPa is not None
             },
+            **self._timed,
         )
 
     def _tube(self, table: TubeTable, tubes: dict[str, SpaceBeam]) -> SpaceBeam:

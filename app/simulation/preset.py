@@ -15,6 +15,7 @@ from typing import Literal
 import msgspec
 
 from app.bounded_file import decoded, read_bounded
+from app.simulation.relaxation_preset import relaxation_named
 from assets import PRESETS
 from physics import Beam, Law, LawName, Theory, calibrated_threshold, law_named
 
@@ -124,6 +125,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # geometric standard deviations between ducts, where they are known
     modulus_factor: float | None = None
     strength_factor: float | None = None
+    relaxation: str | None = None  # how the wall relaxes, by name; not at all when None
     # its appearance in the picture
     looks_like: Literal["bile duct", "gallbladder", "ureter", "rubber"] = "bile duct"
     source: str = "Yours: no source is given."  # where the figures come from
@@ -136,6 +138,8 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if (self.break_force_N is None) == (self.break_stress_MPa is None):
             raise ValueError("a preset must have either break_force_N or break_stress_MPa")
         law_named(self.law, stiffening=self.stiffening)
+        if self.relaxation is not None:
+            relaxation_named(self.relaxation)
         if not self.name.strip():
             raise ValueError("a preset must have a name")
         for each, most in ((self.name, 80), (self.title, 120), (self.description, 1000)):

@@ -24,6 +24,7 @@ from app.simulation.inputs import (
 )
 from app.simulation.metrics import Metrics
 from app.simulation.preset import Preset
+from app.simulation.relaxation_preset import Prony
 from organ_geometry import Organ
 from physics import LawName
 from physics.bed import Strands
@@ -111,6 +112,9 @@ class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tips_mm: tuple[tuple[float, float, float], ...] | None = None
     # name of a shipped anatomy, or another in full: its tubes, of which the preset is the first's
     anatomy: str | Anatomy | None = None
+    # how strands and walls relax; not at all when None
+    strand_relaxation: Prony | None = None
+    wall_relaxation: Prony | None = None
 
     @property
     def in_bed(self) -> bool:
@@ -249,6 +253,11 @@ def _check_start(start: RunStart) -> None:
             f"a run of {start.elements} elements and {start.substeps} steps a tick; this program "
             f"computes with {ELEMENTS} and {SUBSTEPS}"
         )
+    for each in (start.strand_relaxation, start.wall_relaxation):
+        try:
+            _ = each is None or each.made()
+        except ValueError as error:
+            raise RunFileError(str(error)) from None
     tips = () if start.tips_mm is None else start.tips_mm
     if len(tips) not in (0, HANDS) or not all(map(math.isfinite, itertools.chain(*tips))):
         raise RunFileError(f"tips_mm must be a place of each of {HANDS} hands, got {tips!r}")

@@ -73,6 +73,7 @@ def specimen_in_bed(
     *,
     bed_seed: int = 1,
     threshold_MPa: float | None = None,  # noqa: N803
+    relaxation: bool = False,
 ) -> Specimen:
     """Return an organ's duct in a bed, the normal one if none is given."""
     return Specimen(
@@ -81,6 +82,7 @@ def specimen_in_bed(
         bed or bed_named("normal"),
         bed_seed=bed_seed,
         threshold_MPa=threshold_MPa,
+        relaxation=relaxation,
     )
 
 
@@ -518,9 +520,12 @@ class Session:
             if theory is None:
                 preset = msgspec.structs.replace(preset, law=start.law, stiffening=start.stiffening)
             anatomy = start.anatomy
+            each = start.strand_relaxation, start.wall_relaxation
+            strands, wall = (None if prony is None else prony.made() for prony in each)
+            relaxation = strands, wall
             if anatomy is not None:
                 whole = anatomy_named(anatomy) if isinstance(anatomy, str) else checked(anatomy)
-                specimen = Specimen.of_anatomy(whole)
+                specimen = replace(Specimen.of_anatomy(whole), relaxation=relaxation)
             else:
                 specimen = Specimen(
                     preset,
@@ -529,6 +534,7 @@ class Session:
                     bed_seed=1 if start.bed_seed is None else start.bed_seed,
                     theory=theory,
                     threshold_MPa=start.threshold_MPa if theory is None else None,
+                    relaxation=relaxation,
                 )
             log.organ.check(specimen.organ or organ)
             session = cls(

@@ -24,6 +24,7 @@ from app.simulation.exercise import Exercise
 from app.simulation.hand import Hand
 from app.simulation.inputs import ALL_INSTRUMENTS, HOLDING, INSTRUMENTS, InputKind, Instrument
 from app.simulation.reading import FluidReading, Reading, Vector
+from app.simulation.relaxation_preset import Prony
 from app.simulation.run_file import (
     ELEMENTS,
     HANDS,
@@ -193,11 +194,14 @@ class SpatialTissue:
     def _make_whole(self) -> None:
         opened = self._opened
         tubes = self.tubes
+        strands, wall = self.specimen.relaxing
         self.beam = BeamOnBed(
             _with_free_end(tubes.network) if self.divided else tubes.network,
             tubes.strands,
             floor=tubes.floor,
             rods=2 * HANDS,
+            strand_relaxation=strands,
+            wall_relaxation=wall,
         )
         if opened is not None:
             scale = self.surface.scale
@@ -771,6 +775,8 @@ class SpatialTissue:
             broken_by_touch=self._broken_by_touch,
             tips_mm=tips,
             anatomy=None if anatomy is None else anatomy_or_name(anatomy),
+            strand_relaxation=Prony.of(specimen.relaxing[0]),
+            wall_relaxation=Prony.of(specimen.relaxing[1]),
         )
 
     def taker(self, exercise: Exercise | None) -> Taker:

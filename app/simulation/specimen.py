@@ -8,10 +8,11 @@ from app.anatomy import Anatomy, tube_line
 from app.simulation.bed_preset import BedPreset
 from app.simulation.dissection import Dissection
 from app.simulation.preset import Preset, RoundBeam
+from app.simulation.relaxation_preset import relaxation_named
 from app.simulation.tubes import Tubes, tube_organ, tube_preset
 from organ_geometry import Organ
 from physics import Beam, Exact, Theory
-from physics.bed import BeamOnBed, Bed, Network, SpaceBeam, Strands
+from physics.bed import BeamOnBed, Bed, Network, Relaxation, SpaceBeam, Strands
 from physics.quantity import positive
 
 __all__ = ["Specimen"]
@@ -38,6 +39,9 @@ class Specimen:
     bed_seed: int = 1  # of the bed's scatter
     theory: Theory | None = None
     threshold_MPa: float | None = None  # the preset's own when None  # noqa: N815
+    # how strands and walls relax in space: not at all, as bed and preset have it, or by constants
+    # of its own
+    relaxation: bool | tuple[Relaxation | None, Relaxation | None] = False
     anatomy: Anatomy | None = None  # of several tubes, of which preset and organ are the first's
 
     def __post_init__(self) -> None:
@@ -63,6 +67,7 @@ class Specimen:
         bed_seed: int = 1,
         theory: Theory | None = None,
         threshold_MPa: float | None = None,  # noqa: N803
+        relaxation: bool = False,
     ) -> "Specimen":
         """Return a specimen that has an organ only where the organ's sections are solved."""
         if organ is not None and isinstance(preset.beam, RoundBeam):
@@ -70,7 +75,13 @@ class Specimen:
         if organ is None and not isinstance(preset.beam, RoundBeam):
             raise ValueError(f"preset {preset.name} takes an organ's own sections: give an organ")
         return cls(
-            preset, organ, bed, bed_seed=bed_seed, theory=theory, threshold_MPa=threshold_MPa
+            preset,
+            organ,
+            bed,
+            bed_seed=bed_seed,
+            theory=theory,
+            threshold_MPa=threshold_MPa,
+            relaxation=relaxation,
         )
 
     @classmethod
@@ -116,6 +127,19 @@ class Specimen:
     def solved_by(self) -> Theory:
         """The theory, or the one that the beam in space equals where no bed holds it."""
         return Exact(self.preset.law_in_space) if self.theory is None else self.theory
+
+    @property
+    def relaxing(self) -> tuple[Relaxation | None, Relaxation | None]:
+        """How strands and walls relax."""
+        if isinstance(self.relaxation, tuple):
+            return self.relaxation
+        if not self.relaxation:
+            return None, None
+        names = None if self.bed is None else self.bed.relaxation, self.preset.relaxation
+        if self.anatomy is not None:
+            names = "areolar", "tube-wall"
+        strands, wall = (None if each is None else relaxation_named(each).made() for each in names)
+        return strands, wall
 
     @cached_property
     def threshold(self) -> float:
@@ -163,12 +187,15 @@ class Specimen:
     def on_bed(self, beam: SpaceBeam, *, rods: int = 0, retrace: bool = False) -> BeamOnBed:
         """Return the beam in space on its bed, or free, in real time."""
         layer = self.layer(beam)
+        strands, wall = self.relaxing
         if layer is None:
-            return BeamOnBed(beam, rods=rods, retrace=retrace)
+            return BeamOnBed(beam, rods=rods, retrace=retrace, wall_relaxation=wall)
         return BeamOnBed(
             beam,
             layer.strands_under(beam),
             floor=layer.floor_under(beam),
             rods=rods,
             retrace=retrace,
+            strand_relaxation=strands,
+            wall_relaxation=wall,
         )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from physics.bed.beam_on_bed import BeamOnBed
 from physics.bed.bed import Bed
 from physics.bed.network import Network
+from physics.bed.relaxation import Relaxation
 from physics.bed.space_beam import SpaceBeam
 from physics.bed.strands import Strands
 from physics.equilibrium import NoEquilibrium
@@ -164,6 +165,8 @@ class History:
     rounding: float  # work that rounding may do along the way, mJ
     notes: tuple[str, ...]  # on hands whose force moves nothing, in words
     tubes: tuple[TubeHistory, ...] = ()  # of a network
+    times: Floats | None = None  # (T,) s, where tissue relaxes
+    viscous: Floats | None = None  # (T,) and what that dissipates, mJ
 
     @property
     def steps(self) -> int:
@@ -174,6 +177,8 @@ class History:
     def residual_ratio(self) -> float:
         """Part of all work that the energy balance does not explain, in absolute value."""
         missing = self.work - self.stored - self.dissipated - self.snap
+        if self.viscous is not None:
+            missing -= self.viscous
         most, left = (float(np.abs(each).max(initial=0.0)) for each in (self.work, missing))
         return left / most if most > self.rounding else 0.0
 
@@ -191,6 +196,8 @@ class History:
                 "dissipated_mJ": float(self.dissipated[t]),
                 "snap_mJ": float(self.snap[t]),
             }
+            if self.times is not None and self.viscous is not None:
+                row |= {"time_s": float(self.times[t]), "viscous_mJ": float(self.viscous[t])}
             if self.hands.shape[1] > 1:
                 row["hands"] = [
                     {"hand_mm": _triple(at), "force_N": _triple(force)}
@@ -224,6 +231,8 @@ class History:
         head += ["freed_mm", "strands_parted", "work_mJ", "stored_mJ", "dissipated_mJ", "snap_mJ"]
         if self.stress is not None:
             head += ["stress_MPa"] + ["distance_to_break_percent"] * (threshold is not None)
+        if self.times is not None:
+            head += ["time_s", "viscous_mJ"]
         for tube in self.tubes:
             head += [f"{tube.name}_freed_mm", f"{tube.name}_stress_MPa", f"{tube.name}_tears"]
         out = io.StringIO()
@@ -241,6 +250,8 @@ class History:
                 line.append(_cell(self.stress[t]))
                 if threshold is not None:
                     line.append(_cell(100.0 * (1.0 - self.stress[t] / threshold)))
+            if self.times is not None and self.viscous is not None:
+                line += [_cell(self.times[t]), _cell(self.viscous[t])]
             for tube in self.tubes:
                 stress = np.nan if tube.stress is None else tube.stress[t]
                 tears = sum(when <= t for when, _ in tube.torn)
@@ -258,6 +269,9 @@ def pull(
     plane: bool = False,
     floor: Floats | Sequence[Floats] | None = None,
     strength: Mapping[str, float] | None = None,
+    step_seconds: float = 0.0,
+    strand_relaxation: Relaxation | None = None,
+    wall_relaxation: Relaxation | None = None,
     watch: Callable[[BeamOnBed], bool] | None = None,
 ) -> History:
     """Move hands and rods along their paths through equilibria and return what happened.
@@ -281,6 +295,10 @@ def pull(
         Of a network's tubes the stresses at which they tear, MPa, where they have a wall. A tube
         tears after the step in which it is passed, at the worst place, and again where three
         elements or more are left of a piece.
+    step_seconds
+        Time that each step takes, s, in which strands and walls relax.
+    strand_relaxation, wall_relaxation
+        How they do; not at all when None.
     watch
         Called with the beam at rest, once hands have taken hold, and after each step, with which
         the pull ends if it returns True.
@@ -298,7 +316,16 @@ def pull(
         If hands are on top of one another or behind a clamp.
     """
     strands, ground = _tissue(beam, bed, floor)
-    held = BeamOnBed(beam, strands, floor=ground, rods=len(rods), plane=plane)
+    held = BeamOnBed(
+        beam,
+        strands,
+        floor=ground,
+        rods=len(rods),
+        plane=plane,
+        strand_relaxation=strand_relaxation,
+        wall_relaxation=wall_relaxation,
+    )
+    relaxes = strand_relaxation is not None or wall_relaxation is not None
     names = beam.tubes if isinstance(beam, Network) else ()
     tubes = [_TubeRecord(held, name, strength) for name in names]
     paths = [step_places(hand.path, hand.steps, "a hand's path") for hand in hands]
@@ -316,7 +343,7 @@ def pull(
     at, force = np.full(shape, np.nan), np.full(shape, np.nan)
     pushed = np.zeros((total, len(rods), 3))
     stress = None if isinstance(beam, Network) or beam.wall is None else np.empty(total)
-    energy = np.empty((total, 5))
+    energy = np.empty((total, 6))
     freed, broken = np.empty(total), np.empty(total, dtype=np.int64)
     for t in range(total):
         for h, hand in enumerate(hands):
@@ -344,7 +371,7 @@ def pull(
         if watch is not None and t == 0:
             watch(held)
         try:
-            held.advance()
+            held.advance(step_seconds)
         except NoEquilibrium as lost:
             raise NoEquilibrium(f"step {t + 1} of {total}: {lost}") from None
         for h, node in enumerate(nodes):
@@ -355,7 +382,7 @@ def pull(
             pushed[t, m] = held.rod_force(m)
         freed[t], broken[t] = held.freed, held.broken
         now = held.energy
-        energy[t] = now.work, now.stored, now.dissipated, now.snap, now.residual
+        energy[t] = now.work, now.stored, now.dissipated, now.snap, now.residual, now.viscous
         if stress is not None:
             stress[t] = held.worst_stress().total
         for tube in tubes:
@@ -386,6 +413,8 @@ def pull(
             if hand.by == "force" and 0.0 < np.abs(path).max() <= held.rounding
         ),
         tuple(tube.history() for tube in tubes),
+        step_seconds * np.arange(1, total + 1) if relaxes else None,
+        energy[:total, 5] if relaxes else None,
     )
 
 

@@ -1,0 +1,178 @@
+"""Tissue that relaxes while it is held: presets, scenes, `solve --bed`, sessions and their runs."""
+
+import json
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from program import refused, run
+from simulated import phantom
+
+from app.simulation import (
+    Replay,
+    RunFileError,
+    Session,
+    Specimen,
+    bed_named,
+    bed_presets,
+    preset_named,
+    read_run,
+    run_json,
+)
+from app.simulation.relaxation_preset import relaxation_named
+
+SCENE = """
+[beam]
+span_mm = 60.0
+elements = 40
+axial_stiffness_N = 8.0
+shear_stiffness_N = 50.0
+bending_stiffness_Nmm2 = 1.5
+torsion_stiffness_Nmm2 = 1.5
+
+[bed]
+strands = 60
+stiffness_N_mm2 = 0.3
+toughness_N = 0.12
+
+[[hand]]
+at_mm = 30.0
+path_mm = [[0.0, 0.0, 0.6], [0.0, 0.0, 0.6]]
+steps = [4, 10]
+"""
+TIME = """
+[time]
+step_s = 1.0
+strands = "areolar"
+wall = { fractions = [0.1], times_s = [4.0] }
+"""
+
+
+def test_areolar_tissue_relaxes_between_its_published_moduli() -> None:
+    """4.77 kPa at once and 2.75 kPa in the end (Iatridis 2003)."""
+    areolar = relaxation_named("areolar").made()
+    assert areolar.stiffness(0.0) == 1.0
+    assert 4.77 * areolar.stiffness(1e5) == pytest.approx(2.75, abs=0.005)
+    for bed in bed_presets().values():
+        assert bed.relaxation == "areolar"
+    assert preset_named("thesis-rubber").relaxation is None
+
+
+def test_a_scene_with_time_relaxes_while_its_hand_waits(tmp_path: Path) -> None:
+    found = {}
+    for name, time in (("at once", ""), ("timed", TIME)):
+        path = tmp_path / "scene.toml"
+        path.write_text(SCENE + time)
+        done = run("peel", path, "--json", "-o", tmp_path / f"{name}.csv")
+        assert done.returncode == 0, done.stderr
+        found[name] = json.loads(done.stdout)["steps"]
+    assert [step["time_s"] for step in found["timed"]] == [float(t) for t in range(1, 15)]
+    forces = [step["force_N"][2] for step in found["timed"]]
+    assert all(b < a for a, b in pairwise(forces[3:]))
+    assert forces[-1] < 0.85 * forces[3]
+    gone = [step["viscous_mJ"] for step in found["timed"]]
+    assert all(b > a for a, b in pairwise(gone))
+    at_once = found["at once"]
+    assert at_once[-1]["force_N"] == at_once[3]["force_N"]
+    assert "time_s" not in at_once[0]
+    head = (tmp_path / "timed.csv").read_text().splitlines()[0]
+    assert head.endswith("snap_mJ,time_s,viscous_mJ")
+
+
+@pytest.mark.parametrize(
+    ("time", "said"),
+    [
+        ("step_s = 1.0", r"\[time\] needs strands or wall"),
+        ('step_s = 0.0\nstrands = "areolar"', r"step_s of \[time\] must be above 0 s"),
+        (
+            'step_s = 1.0\nstrands = "tar"',
+            "unknown relaxation 'tar'; there are: areolar, tube-wall",
+        ),
+        (
+            "step_s = 1.0\nwall = { fractions = [0.5], times_s = [20.0] }",
+            "a relaxation of 20 s is longer than the run of 14 s",
+        ),
+        (
+            "step_s = 1.0\nwall = { fractions = [0.5, 0.6], times_s = [1.0, 2.0] }",
+            "fractions of a relaxation must sum to less than 1, got 1.1",
+        ),
+        (
+            "step_s = 1.0\nwall = { fractions = [0.5], times_s = [-2.0] }",
+            "a time of a relaxation must be above 0 s, got -2",
+        ),
+    ],
+)
+def test_an_impossible_time_is_one_sentence(tmp_path: Path, time: str, said: str) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(f"{SCENE}\n[time]\n{time}\n")
+    said_of = refused(["peel", path])
+    assert re.search(said, said_of), said_of
+
+
+def test_a_duct_that_is_held_in_its_bed_comes_back_from_its_break() -> None:
+    path = "--bed", "firm", "--hook", 31, "--lift", 4, "--steps", 10, "--elements", 24, "--json"
+    found = []
+    for options in ((), ("--step-seconds", 0.5, "--hold", 10)):
+        done = run("solve", *path, *options)
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads(done.stdout))
+    still, held = found
+    assert len(still["steps"]) == 10
+    assert len(held["steps"]) == 30
+    left = [step["distance_to_break_percent"] for step in held["steps"][9:]]
+    assert all(b > a for a, b in pairwise(left))
+    for wrong, said in (
+        (("--hold", 10), "--hold goes with --lift and --step-seconds"),
+        (("--step-seconds", -1), "--step-seconds must be above 0 s"),
+    ):
+        assert said in refused(["solve", *path, *wrong])
+
+
+def bits(session: Session) -> bytes:
+    beam = session.spatial.beam
+    return beam.places.tobytes() + beam.damage.tobytes() + repr(beam.energy).encode()
+
+
+@pytest.mark.parametrize("relaxation", [False, True])
+def test_a_run_plays_again_as_it_relaxed(relaxation: bool) -> None:
+    """Runs have the constants that they were made with; without any nothing relaxes."""
+    specimen = Specimen(
+        preset_named("thesis-bile-duct"), phantom(), bed_named("normal"), relaxation=relaxation
+    )
+    session = Session(specimen, vertices=300)
+    start = session.grab(0, 25.0)
+    assert start is not None
+    for tick in range(40):
+        session.move_hand(0, start + np.array([0.0, 0.0, 0.1 * tick]))
+        session.advance()
+    pulled, used = session.reading().force, session.reading().stress_ratio
+    for _ in range(150):
+        session.advance()
+    after = session.reading()
+    if relaxation:
+        assert after.force < 0.97 * pulled
+        assert after.stress_ratio < 0.98 * used
+        assert after.energy.viscous > 0.0
+    else:
+        assert after.energy.viscous == 0.0
+    session.finish()
+    content = run_json(session.run_file())
+    start_of = json.loads(content)["log"]["start"]
+    assert (start_of["strand_relaxation"] is not None) == relaxation
+    again = Replay(read_run(content).log, phantom(), vertices=300)
+    again.seek_tick(again.log.ticks)
+    assert bits(again.session) == bits(session)
+
+
+def test_a_run_with_an_impossible_relaxation_is_refused() -> None:
+    session = Session(Specimen(preset_named("thesis-bile-duct"), phantom(), bed_named("normal")))
+    session.grab(0, 25.0)
+    session.advance()
+    session.finish()
+    tree = msgspec.json.decode(run_json(session.run_file()))
+    tree["log"]["start"]["wall_relaxation"] = {"fractions": [0.7, 0.7], "times_s": [1.0, 2.0]}
+    with pytest.raises(RunFileError, match="fractions of a relaxation must sum to less than 1"):
+        read_run(msgspec.json.encode(tree))
