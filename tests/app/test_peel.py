@@ -20,6 +20,7 @@ from app.simulation.peel_scene import (
     LayerTable,
     RodTable,
     StrandTable,
+    TimeTable,
     TubeTable,
 )
 
@@ -100,7 +101,8 @@ def test_the_scene_of_the_docs_and_its_history(tmp_path: Path) -> None:
 
 def test_every_field_is_in_the_docs() -> None:
     for table in (
-        BeamTable, BedTable, HandTable, RodTable, StrandTable, TubeTable, JoinTable, LayerTable
+        BeamTable, BedTable, HandTable, RodTable, StrandTable, TubeTable, JoinTable, LayerTable,
+        TimeTable,
     ):  # fmt: skip
         for field in table.__struct_fields__:
             assert f"`{field}`" in DOCS or f"`{field} =" in DOCS, field
@@ -326,7 +328,7 @@ def test_solve_in_a_bed_takes_a_law_and_says_where_the_linear_one_is_not_good() 
     assert "--law must be linear" in refused([*own, "--law", "cauchy"])
 
 
-(NETWORK,) = re.findall(r"```text\n(.*?)```", DOCS, flags=re.DOTALL)
+NETWORK, _ = re.findall(r"```text\n(.*?)```", DOCS, flags=re.DOTALL)
 
 
 def test_a_network_of_the_docs_is_pulled_and_a_tube_of_it_tears(tmp_path: Path) -> None:
