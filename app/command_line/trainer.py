@@ -32,7 +32,10 @@ def trainer(
     ] = None,
     scene: Annotated[
         str | None,
-        typer.Option(help="What the page opens on: bed, a duct in its bed, or free, one without."),
+        typer.Option(
+            help="What the page opens on: calot, Calot's triangle through a laparoscope, bed, a "
+            "duct in its bed, or free, one without.",
+        ),
     ] = None,
     replay: Annotated[
         Path | None,
@@ -72,7 +75,7 @@ def trainer(
     With --host 0.0.0.0 other machines get in too, by the link with a token that it prints.
     """
     if scene is not None:
-        chosen("--scene", scene, ("bed", "free"))
+        chosen("--scene", scene, ("calot", "bed", "free"))
     if mode is not None:
         scene = (
             scene or {"dissect": "bed", "pull": "free"}[chosen("--mode", mode, ("dissect", "pull"))]
@@ -88,6 +91,8 @@ def trainer(
     servo = None if haptics is None else _servo(devices, haptics_hand)
     run = None if replay is None else _replayed(replay, served.organ)
     if run is not None:
+        if scene == "calot":
+            raise ValueError(f"--replay {replay}: this run is of a duct: leave --scene calot out")
         scene = scene or ("bed" if run.log.start.in_bed else "free")
 
     def start() -> "Trainer":

@@ -84,6 +84,7 @@ from app.simulation.spatial_tissue import (
 from app.simulation.specimen import Specimen
 from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.tissue import Tissue
+from app.simulation.trocar import TROCARS, Trocar
 from app.simulation.tubes import Tubes
 
 __all__ = [
@@ -116,6 +117,7 @@ __all__ = [
     "TICKS_PER_SECOND",
     "TICK_SECONDS",
     "TOWARDS_HAND",
+    "TROCARS",
     "VERTICES",
     "BeamModel",
     "BedPreset",
@@ -177,6 +179,7 @@ __all__ = [
     "TheoryChoice",
     "Tissue",
     "Touch",
+    "Trocar",
     "Tubes",
     "Vector",
     "bed_named",

@@ -383,7 +383,7 @@ class PageState:
 
     def set_target_force(self, force: float) -> None:
         """Pull with the slider's force; once a run is over, this starts a new one."""
-        if self.playback is None and not self._refuses(0) and not self._refuses_force():
+        if self.playback is None and not self.refuses(0) and not self._refuses_force():
             renewed = self._begin_anew(force > 0.0)
             self.session.set_target_force(force)
             # Counted after the force is set: before, the slider would go back to zero.
@@ -391,7 +391,7 @@ class PageState:
 
     def ramp_to_tear(self) -> None:
         """Pull at a constant rate until the duct tears."""
-        if self.playback is not None or self._refuses(0) or self._refuses_force():
+        if self.playback is not None or self.refuses(0) or self._refuses_force():
             return
         self._begin_anew(True)
         event = self.session.reading().breaks_at
@@ -416,14 +416,14 @@ class PageState:
             return
         if hold.hand is not None:
             self.choose_hand(hold.hand)
-        if self._refuses(self.hand):
+        if self.refuses(self.hand):
             return
         holder, station = self.hands[self.hand], hold.station
         if station is None and self.in_plane:  # whose hook is around the duct
             station = self.session.planar.grasp
         takes = station is not None and holder.instrument in HOLDING
         self._begin_anew(takes)
-        if self._is_closed():
+        if self.is_closed():
             return
         self._dragged_from = holder.place.copy()
         if takes and station is not None:
@@ -476,7 +476,7 @@ class PageState:
 
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Make a hand the active one, with this instrument; one that it has it keeps as it is."""
-        if self.playback is not None or self._refuses(hand) or self._is_closed():
+        if self.playback is not None or self.refuses(hand) or self.is_closed():
             return
         if instrument not in self.instruments:
             self.refuse(f"This exercise is done with: {', '.join(self.instruments)}.")
@@ -493,12 +493,12 @@ class PageState:
 
     def nudge(self, displacement: NDArray[np.float64]) -> None:
         """Move the active hand's tip, (3,) mm in the duct's frame."""
-        if self._dragged is None and not self._refuses(self.hand) and not self._is_closed():
+        if self._dragged is None and not self.refuses(self.hand) and not self.is_closed():
             self.session.move_hand(self.hand, self.hands[self.hand].target + displacement)
 
     def open_jaws(self, opening: float) -> None:
         """Open or close the active hand's dissector, mm between its jaws."""
-        if self.playback is None and not self._is_closed():
+        if self.playback is None and not self.is_closed():
             self.session.open_jaws(self.hand, opening)
 
     def open_more(self, more: float) -> None:
@@ -528,7 +528,7 @@ class PageState:
             self.device_holds[self.hand] = True
         elif holder.instrument in HOLDING:
             self._begin_anew(True)
-            if not self._is_closed():
+            if not self.is_closed():
                 self._take(float(holder.place[0]))
         else:
             self.refuse("Only a hook and a grasper hold. Press N for the next instrument.")
@@ -602,14 +602,14 @@ class PageState:
             f"{device}: {TAKES}. The mouse and the keys have the right hand. {FORCE_KEY}",
         )
 
-    def _is_closed(self) -> bool:
+    def is_closed(self) -> bool:
         """Return whether an exercise is over, whose result stands; then tell the client so."""
         closed = self.session.run.closed
         if closed and not self.end_is_news:  # else the result is about to be shown
             self.refuse(EXERCISE_OVER)
         return closed
 
-    def _refuses(self, hand: int) -> bool:
+    def refuses(self, hand: int) -> bool:
         """Return whether a device has the hand; then tell the client so."""
         if hand < self.device_hands:
             self.refuse(f"The hand on the device has this hook ({self.device}).")

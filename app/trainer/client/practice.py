@@ -4,12 +4,13 @@ from collections.abc import Callable
 from threading import Lock
 from typing import Literal, NamedTuple, get_args
 
+from app.anatomy import Anatomy, anatomy_named
 from app.simulation import Preset, Session, Specimen, free_specimen, specimen_in_bed
 from organ_geometry import Organ
 
 __all__ = ["OLDER_NAMES", "SCENES", "Practice", "SceneName", "Start"]
 
-SceneName = Literal["bed", "free"]
+SceneName = Literal["calot", "bed", "free"]
 SCENE_NAMES: tuple[SceneName, ...] = get_args(SceneName)
 OLDER_NAMES: dict[str, SceneName] = {"dissect": "bed", "pull": "free"}
 """What scenes were called before, and are in files of exercises and classes."""
@@ -23,7 +24,17 @@ class Start(NamedTuple):
     specimen: Callable[[Organ, Preset | None], Specimen]
 
 
+def usual_anatomy(_: Organ, __: Preset | None) -> Specimen:
+    """Return the usual anatomy of Calot's triangle, whatever duct is in hand."""
+    return Specimen.of_anatomy(anatomy_named("normal"))
+
+
 SCENES: dict[SceneName, Start] = {
+    "calot": Start(
+        "Calot's triangle",
+        "Dissect between gallbladder, cystic duct and common duct, through the scope (M)",
+        usual_anatomy,
+    ),
     "bed": Start(
         "A duct in its bed", "Free the duct from its bed, before it tears (M)", specimen_in_bed
     ),
@@ -50,13 +61,18 @@ class Practice:
             if self.scene in self._sessions:
                 shown = self._sessions[self.scene]
                 chosen = shown.tissue.dissection
-                if chosen.organ is not self._organ:
+                if shown.specimen.anatomy is None and chosen.organ is not self._organ:
                     self._organ, self._preset = chosen.organ, chosen.preset
                     self._sessions = {self.scene: shown}
             if scene not in self._sessions:
                 specimen = SCENES[scene].specimen(self._organ, self._preset)
                 self._sessions[scene] = Session(specimen)
             return self._sessions[scene]
+
+    def choose_anatomy(self, anatomy: Anatomy) -> None:
+        """Begin with another anatomy."""
+        with self._lock:
+            self._sessions["calot"] = Session(Specimen.of_anatomy(anatomy))
 
     def renew(self, organ: Organ, preset: Preset | None) -> None:
         """Begin with other ducts."""

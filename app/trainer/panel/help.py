@@ -9,10 +9,10 @@ from app.trainer.panel.controls import on_click, on_input
 from app.trainer.panel.dialog import dialog
 from app.trainer.viser_bridge.page import letter_keys_on, set_letter_keys
 
-__all__ = ["SEEN", "Key", "keys_of", "show_first_minute", "show_help"]
+__all__ = ["SEEN", "Key", "first_minute", "keys_of", "show_first_minute", "show_help"]
 
 Hotkey = Literal[
-    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C",
+    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L",
     "arrowup", "arrowdown", "arrowleft", "arrowright",
 ]  # fmt: skip
 
@@ -60,6 +60,14 @@ _FREE_LINES = (
     "<b>Drag the duct</b> upwards with the mouse or a finger; it pulls back.",
     "Watch <b>Distance to break</b>: at 0 % the duct tears.",
     "<b>Reset</b> gives a new one. Then try the <b>exercises</b> under <b>Learn</b>.",
+)
+_ANATOMY_LINES = (
+    "<b>Press in the picture</b> and the tip comes under the pointer; <b>drag</b> to lead it. The "
+    "<b>wheel</b>, or two fingers, take it into the picture and out.",
+    "The <b>right button</b>, or <b>G</b>, takes hold of the gallbladder, or lets go: pull it "
+    "gently. <b>X</b> goes on to the other hand, which parts the loose tissue.",
+    "Clear the triangle until <b>two tubes alone</b> run into the gallbladder. Tear nothing. "
+    "<b>Reset</b> makes all whole.",
 )
 _BED_GOAL = """\
 **Goal.** Free the duct from its bed without tearing it. A good hand frees most at the least stress:
@@ -123,13 +131,16 @@ def _help(session: Session) -> str:
     return (
         f"{about}\n**Words** with dots under them, and measures with a question mark, explain "
         "themselves: rest the\nmouse on them, or click.\n\n**Keys**\n\n"
-        f"{listed}\n- **M** The next scene: a duct in its bed, or free\n{arrows}\n"
+        f"{listed}\n- **M** The next scene: in the order of the panel\n{arrows}\n"
         "- **Esc** closes a page like this one\n- **Ctrl+K** all commands\n"
     )
 
 
-def _first_minute(session: Session) -> str:
-    lines = _FREE_LINES if session.specimen.bed is None else _BED_LINES
+def first_minute(session: Session) -> str:
+    """Return the three lines for the first minute, as HTML."""
+    specimen = session.specimen
+    in_bed = _BED_LINES if specimen.bed is not None else _FREE_LINES
+    lines = in_bed if specimen.anatomy is None else _ANATOMY_LINES
     items = "".join(f"<li>{line}</li>" for line in lines)
     return (
         "<ol data-testid='first-minute' style='margin:0;padding:0 12px 12px 30px;font-size:16px;"
@@ -145,7 +156,7 @@ def show_first_minute(client: viser.ClientHandle, session: Session) -> None:
         client.local_storage.set_item(SEEN, "1")
 
     with dialog(gui, "Blunt-dissection trainer", closed=remember) as close:
-        gui.add_html(_first_minute(session))
+        gui.add_html(first_minute(session))
         on_click(gui.add_button("Start", icon=viser.Icon.HAND_MOVE), close)
 
 
@@ -157,7 +168,7 @@ def show_help(client: viser.ClientHandle, session: Session) -> None:
     """Show the whole help over the page, until it is closed."""
     gui = client.gui
     with dialog(gui, "Help"):
-        gui.add_html(_first_minute(session))
+        gui.add_html(first_minute(session))
         gui.add_markdown(_help(session))
         letters = gui.add_checkbox(
             "Letter keys",

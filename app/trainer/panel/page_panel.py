@@ -8,10 +8,10 @@ import viser
 
 from app.simulation import Reading, RunFile, Session
 from app.trainer.client.page_state import NUDGE, PageState
-from app.trainer.client.practice import SCENES, SceneName
+from app.trainer.client.practice import SceneName
 from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
-from app.trainer.panel.controls import Choice, on_click, set_if_changed
+from app.trainer.panel.controls import on_click, set_if_changed
 from app.trainer.panel.exercise_tab import ExerciseTab
 from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, style_panel
 from app.trainer.panel.help import keys_of, show_help
@@ -20,6 +20,7 @@ from app.trainer.panel.model_tab import ModelTab
 from app.trainer.panel.readout import duct_html, hidden_html, readout_html, zone, zone_while_hidden
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import show_result
+from app.trainer.panel.scenes import add_scenes
 from app.trainer.panel.train_tab import TrainTab
 from app.trainer.stage.heat_map import freed_legend_html, heat_legend_html
 from app.trainer.viser_bridge.page import announce, offer_home, open_tab, take_arrows
@@ -52,7 +53,7 @@ class PagePanel:
         self._announced = ""
         gui = self._gui = state.client.gui
         style_panel(gui)
-        self._add_scenes(scene, choose_scene)
+        add_scenes(gui, scene, choose_scene)
         take_arrows(state.client, not state.in_plane)
         self._readout, self._duct = gui.add_html(""), gui.add_html("")
         add_disclaimer(gui)
@@ -141,17 +142,6 @@ class PagePanel:
         run = self._state.last_run
         if run is not None:
             self._state.attempt("Measuring the run.", lambda: self.show_result(run))
-
-    def _add_scenes(self, scene: SceneName, choose_scene: Callable[[SceneName], None]) -> None:
-        gui, names = self._gui, list(SCENES)
-        words: dict[SceneName, tuple[str, str]] = {
-            name: (start.label, start.hint) for name, start in SCENES.items()
-        }
-        choice = Choice(gui, "Scene", words, choose_scene, slow=True, hidden=True, large=True)
-        choice.show(scene)
-        following = names[(names.index(scene) + 1) % len(names)]
-        command = gui.add_command("Next scene", description="what is in hand", hotkey="M")
-        command.on_trigger(lambda _: choose_scene(following))
 
     def _add_keys(self) -> None:
         """Let keys act, by their names; while a replay is shown only some do."""

@@ -179,6 +179,10 @@ class TissueScene:
         self._drag = DragProxy(self._client, grabbed=grabbed, moved=moved, released=released)
         self._offer_drags()
 
+    def advance(self, ticks: int) -> bool:
+        """Nothing here moves by itself."""
+        return False
+
     def lead_into_picture(self, into: bool) -> None:
         """Let drags go into the picture, and those with Shift in its plane; or the other way."""
         if self._drag is not None:

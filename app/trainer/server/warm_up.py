@@ -10,11 +10,13 @@ import threading
 import numpy as np
 import viser
 
+from app.anatomy import anatomy_named
 from app.simulation import (
     THESIS_PRESET,
     Dissection,
     Preset,
     Session,
+    Specimen,
     default_preset,
     free_specimen,
     preset_named,
@@ -22,6 +24,8 @@ from app.simulation import (
 )
 from app.trainer.client.practice import SCENES, SceneName
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
+from app.trainer.scope.packing import Packing
+from app.trainer.scope.pose import Pose
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.contact import Contact, HookPlace
 from app.trainer.stage.lighting import Look
@@ -99,6 +103,22 @@ def warm_bed(organ: Organ, preset: Preset | None = None) -> None:
     _write_stress(session)
 
 
+def warm_anatomy() -> None:
+    """Compile, or load, what an anatomy and its picture need, until a tube has torn and bleeds."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")))
+    packing = Packing(session.spatial.beam)
+    session.choose_instrument(1, "dissector")
+    session.open_jaws(1, 1.0)
+    artery = session.spatial.tubes.names.index("artery")
+    session.grab(0, 10.0, artery)
+    while not session.spatial.events and session.spatial.hands[0].place[2] < MOST_LIFT:
+        session.move_hand(0, session.spatial.hands[0].place + np.array([0.0, 0.0, 2.0]))
+        session.advance()
+    session.advance(3)
+    packing.write(session.spatial.beam, Pose(), 0.0)
+    session.reading()
+
+
 class WarmUp:
     """A thread that makes ready what clients need, and then ends.
 
@@ -141,7 +161,10 @@ class WarmUp:
 
     def _warm(self, scene: SceneName) -> None:
         """Compile what a scene needs."""
-        (warm_session if scene == "free" else warm_bed)(self._organ, self._preset)
+        if scene == "calot":
+            warm_anatomy()
+        else:
+            (warm_session if scene == "free" else warm_bed)(self._organ, self._preset)
         self._ready[scene].set()
 
     def _make_static(self) -> None:

@@ -6,14 +6,19 @@ from typing import Protocol
 
 import viser
 
+from app.anatomy import Anatomy, anatomy_network
 from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, RunFile, Session
 from app.trainer.client.page_state import EXERCISE_GOES_ON, PageState
 from app.trainer.client.practice import Practice, SceneName
+from app.trainer.client.scope_lead import ScopeLead
 from app.trainer.client.workers import Workers, explained
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.page_panel import PagePanel, offers
+from app.trainer.panel.scope_panel import ScopePanel
 from app.trainer.scene.drag_proxy import Hold
 from app.trainer.scene.tissue_scene import Colours, TissueScene
+from app.trainer.scope.held_scope import HeldScope
+from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.stage.lighting import Look, LookChoice
 from app.trainer.viser_bridge.page import watch_pace
 from organ_geometry import Organ
@@ -54,6 +59,10 @@ class Scene(Protocol):
         released: Callable[[], None],
     ) -> None:
         """Let the mouse drag what hands can hold."""
+        ...
+
+    def advance(self, ticks: int) -> bool:
+        """Let ticks pass for what is no part of the tissue; return whether anything has moved."""
         ...
 
     def lead_into_picture(self, into: bool) -> None:
@@ -121,6 +130,9 @@ class PageView:
         self._panel_due = 0.0
         self._panel_stale = self._figures = True
         self._notice: viser.NotificationHandle | None = None
+        self._scene: Scene
+        self._panel: PagePanel | ScopePanel
+        self._lead: ScopeLead | None = None  # of what mouse and keys lead at an anatomy
         self._open(practice.scene or "bed", plain=look == "plain")
         on_page_ready(self)
 
@@ -162,8 +174,15 @@ class PageView:
         self._show(scene)
 
     def replay(self, run: RunFile) -> None:
-        """Replay a run in place of the session."""
-        self._panel.replay(run)
+        """Replay a run of a duct in place of the session."""
+        if self._lead is not None:
+            self._show("bed" if run.log.start.in_bed else "free")
+        if isinstance(self._panel, PagePanel):
+            self._panel.replay(run)
+
+    def _show_anatomy(self, anatomy: Anatomy) -> None:
+        """Show another anatomy."""
+        self._show("calot", lambda: self._practice.choose_anatomy(anatomy))
 
     # Making the page
 
@@ -189,7 +208,14 @@ class PageView:
         session = self._practice.session(scene)
         self.state = state = PageState(self.client, session, self._workers, self._exercise_inputs)
         state.plain = plain
-        self._scene = self._make_scene(self.client, session, "plain" if plain else "full")
+        look: Look = "plain" if plain else "full"
+        anatomy = session.specimen.anatomy
+        if anatomy is None:
+            self._lead = None
+            self._scene = self._make_scene(self.client, session, look)
+        else:
+            self._lead = ScopeLead(state, HeldScope(anatomy_network(anatomy)))
+            self._scene = ScopeScene(self.client, session, look, self._lead.held, self._lead)
         # Before the panel is sent, so that all that can be seen can be dragged.
         self._scene.let_drag(state.grab, state.move_hand, state.release_hand)
         self._add_panel(scene)
@@ -197,7 +223,12 @@ class PageView:
 
     def _add_panel(self, scene: SceneName) -> None:
         self._offered = offers(self.session)
-        self._panel = self._make_panel(self.state, scene, self.choose_scene)
+        if self._lead is None:
+            self._panel = self._make_panel(self.state, scene, self.choose_scene)
+        else:
+            self._panel = ScopePanel(
+                self.state, self._lead, scene, self.choose_scene, self._show_anatomy
+            )
         self._panel_stale = True
         self._watch_pace()
 
@@ -262,9 +293,10 @@ class PageView:
         state.take_organ()
         if state.take_home():
             self._scene.frame_camera()
+        scene_moved = self._scene.advance(ticks)
         if (playback := state.playback) is not None:
-            return playback.tick(ticks)
-        return not state.paused and self.session.advance(ticks)
+            return playback.tick(ticks) or scene_moved
+        return (not state.paused and self.session.advance(ticks)) or scene_moved
 
     def _has_news(self) -> bool:
         """Return whether the panel has something to tell although nothing has moved."""

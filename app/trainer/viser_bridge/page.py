@@ -146,6 +146,16 @@ def run_module(scene: viser.SceneApi, module: Path, name: str, *arguments: Any) 
     run_in_page(scene, f"{file_text(module)}\n{_called(name, arguments)}")
 
 
+def run_picture(scene: viser.SceneApi, files: Iterable[Path], name: str, *arguments: Any) -> None:
+    """Define what is in files in each page of a scene, and call a function of theirs.
+
+    Their `viewer` has what `picture_tools.js` adds to it, besides what `run_in_page` gives.
+    """
+    tools = Path(__file__).with_name("picture_tools.js")
+    texts = [file_text(path) for path in (tools, *files)]
+    run_in_page(scene, "\n".join([*texts, _called(name, arguments)]))
+
+
 def float32_text(numbers: NDArray[np.generic]) -> str:
     """Return a large array for a page: base64 of little-endian float32."""
     return base64.b64encode(numbers.astype("<f4").tobytes()).decode()

@@ -190,7 +190,9 @@ def read_icons(icons: Iterable[viser.IconName]) -> None:
         svg_from_icon(icon)
 
 
-def page_number(handle: viser.CommandHandle | viser.GuiSliderHandle[Any]) -> str:
+def page_number(
+    handle: viser.CommandHandle | viser.GuiSliderHandle[Any] | viser.GuiTextHandle,
+) -> str:
     """Return the identifier of a command or a widget in the page."""
     return handle._impl.uuid  # pyright: ignore[reportPrivateUsage, reportUnknownMemberType]
 

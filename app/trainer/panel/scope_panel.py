@@ -1,0 +1,270 @@
+"""One client's panel at an anatomy: what to reach, the hands, the scope, and what is in hand."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Literal
+
+import viser
+
+from app.anatomy import Anatomy, anatomy_named, drawn_anatomy, shipped_anatomies
+from app.simulation import Instrument, Reading, RunFile
+from app.trainer.client.page_state import PageState
+from app.trainer.client.practice import SceneName
+from app.trainer.client.scope_lead import ScopeLead
+from app.trainer.panel.controls import (
+    Choice,
+    figure,
+    note,
+    number,
+    on_click,
+    on_work,
+    rows_html,
+    set_if_changed,
+)
+from app.trainer.panel.dialog import dialog
+from app.trainer.panel.frame import add_disclaimer, style_panel
+from app.trainer.panel.help import Key, first_minute
+from app.trainer.panel.readout import HANDS
+from app.trainer.panel.scenes import add_scenes
+from app.trainer.viser_bridge.page import announce, offer_home, take_arrows
+
+__all__ = ["ScopePanel"]
+
+GOAL = (
+    "Clear fat and loose tissue from the triangle between gallbladder, cystic duct and common "
+    "duct, until you see two tubes alone run into the gallbladder. Tear nothing."
+)
+Leads = Literal["left", "right", "scope"]
+LEADS: dict[Leads, tuple[str, str]] = {
+    "left": ("Left hand", "Mouse and keys lead the left hand (X)"),
+    "right": ("Right hand", "Mouse and keys lead the right hand (X)"),
+    "scope": ("Scope", "Mouse and keys turn and slide the scope (X)"),
+}
+ScopeChoice = Literal["straight", "oblique"]
+SCOPES: dict[ScopeChoice, tuple[str, str]] = {
+    "straight": ("0°", "A scope that looks straight ahead (Z)"),
+    "oblique": ("30°", "A scope that looks aside, from above where its cable hangs down (Z)"),
+}
+DRAWN = "drawn"
+MOST_SEED = 10**6
+STEP = 0.5
+"""mm that a key moves a tip by."""
+YOU_HOLD = "You hold the scope. V gives it back to the assistant."
+HOW_JAWS = "Drag the tip into the tissue, then part the jaws with the right button or G, and again."
+HOW: Mapping[Instrument, str] = {
+    "hook": "Bring it to a tube, take hold with the right button or G, and pull gently.",
+    "grasper": "Take hold with the right button or G, and drag. It stays where it is left.",
+    "swab": "Wipe along a tube: strands part before its soft tip.",
+}
+INSTRUMENT_HINTS: Mapping[Instrument, str] = {
+    "hook": "Takes a tube and pulls",
+    "grasper": "Takes a tube, and stays where it is left",
+    "dissector": "Two jaws that part strands by opening",
+    "swab": "A soft tip that parts strands by sweeping",
+}
+# What a torn tube turns out to be.
+WALLS = {
+    "common": "common duct", "cystic": "cystic duct", "rha": "right hepatic artery",
+    "artery": "cystic artery",
+}  # fmt: skip
+KEYS = (
+    Key("Left", "arrowleft", "Move left", "the tip in the picture, or the scope's view"),
+    Key("Right", "arrowright", "Move right", "the tip in the picture, or the scope's view"),
+    Key("Up", "arrowup", "Move up", "the tip in the picture, or the scope's view"),
+    Key("Down", "arrowdown", "Move down", "the tip in the picture, or the scope's view"),
+    Key("Shift+Up", "arrowup", "Move away", "the tip, or the scope, into the picture", "shift"),
+    Key("Shift+Down", "arrowdown", "Move near", "the tip, or the scope, towards you", "shift"),
+    Key("G", "G", "Use the instrument", "take hold or let go; part the jaws or close them"),
+    Key("O", "O", "Open the jaws", "by a millimetre"),
+    Key("C", "C", "Close the jaws", "by a millimetre"),
+    Key("X", "X", "Next hand or scope", "what mouse and keys lead"),
+    Key("N", "N", "Next instrument", "for the hand that is led"),
+    Key("Z", "Z", "Other scope", "straight or oblique"),
+    Key("J", "J", "Turn the cable left", "of the scope, about its shaft"),
+    Key("L", "L", "Turn the cable right", "of the scope, about its shaft"),
+    Key("V", "V", "Assistant", "gives the scope back to the assistant, who shows the triangle"),
+    Key("P", "P", "Pause or go on", "time stands still"),
+    Key("R", "R", "Reset", "all whole again"),
+)
+TEXT = """\
+**The mouse.** Press in the picture and the tip goes under the pointer; drag to lead it. The
+**wheel** moves it into the picture and out. The **right button**, or **G**, closes the jaws of a
+hook or grasper on what is there, or lets go; it opens and closes the jaws of other instruments.
+With a **finger** drag; two fingers spread or pinch for depth.
+
+**The scope.** An assistant holds it and keeps both tips in view. Choose *Scope* to lead it
+yourself, or drag with the middle button; **V** gives it back.
+
+**What is computed.** Each tube is a beam in space, each strand a spring that yields, parts and
+never heals. A wall tears where normal + bending stress is over its strength. Blood and bile flow
+out of what is torn by the tubes' resistance; how they run and pool is drawn. The fat goes as the
+strands under it part. The duodenum and the liver are drawn, and nothing meets them.
+"""
+
+
+class ScopePanel:
+    """One client's panel: it passes inputs to the session and shows its readings."""
+
+    needs_redraw = False
+
+    def __init__(
+        self,
+        state: PageState,
+        lead: ScopeLead,
+        scene: SceneName,
+        choose_scene: Callable[[SceneName], None],
+        choose_anatomy: Callable[[Anatomy], None],
+    ) -> None:
+        self._state, self._lead, self._show_anatomy = state, lead, choose_anatomy
+        self._announced = ""
+        gui = self._gui = state.client.gui
+        style_panel(gui)
+        add_scenes(gui, scene, choose_scene)
+        take_arrows(state.client, True)
+        gui.add_html(note(GOAL, "goal"))
+        self._readout = gui.add_html("")
+        add_disclaimer(gui)
+        self._leads = Choice(gui, "Led", LEADS, self._choose_led)
+        offered: dict[Instrument, tuple[str, str]] = {
+            each: (each.capitalize(), INSTRUMENT_HINTS.get(each, "")) for each in state.instruments
+        }
+        self._hands = [
+            Choice(gui, name, offered, partial(self._choose_instrument, hand))
+            for hand, name in enumerate(HANDS)
+        ]
+        self._how = gui.add_html("")
+        self._scope = Choice(gui, "Scope", SCOPES, lambda _: lead.change_scope())
+        self._held = gui.add_html("")
+        self._add_anatomies()
+        reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, hint="All whole again (R)")
+        on_click(reset, state.reset)
+        ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
+        on_click(ask, self._show_help)
+        self._add_keys()
+        self.show(state.shown.reading())
+
+    def show(self, reading: Reading) -> None:
+        """Show a reading."""
+        state, lead = self._state, self._lead
+        leads: Leads = "scope" if lead.leads_scope else ("left", "right")[state.hand]
+        self._leads.show(leads)
+        for index, (choice, hand) in enumerate(
+            zip(self._hands, state.shown.tissue.hands, strict=True)
+        ):
+            choice.show(hand.instrument, active=index == state.hand and not lead.leads_scope)
+        holder = state.shown.tissue.hands[state.hand]
+        set_if_changed(self._how, content=note(HOW.get(holder.instrument, HOW_JAWS), "how"))
+        self._scope.show("oblique" if lead.held.oblique else "straight")
+        words = "The assistant holds the scope." if lead.held.assisted else YOU_HOLD
+        set_if_changed(self._held, content=note(words, "scope"))
+        set_if_changed(self._readout, content=self._figures(reading))
+        words = self._standing(reading)
+        if words != self._announced:
+            self._announced = words
+            announce(state.client, words)
+
+    def show_result(self, run: RunFile) -> None:
+        """Show nothing: no exercise is set here."""
+
+    def close(self) -> None:
+        """Remove nothing: the client uploads nothing here."""
+
+    def _figures(self, reading: Reading) -> str:
+        torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
+        rows = [
+            ("Strands parted", f"{reading.broken}"),
+            ("Largest stress, of the wall's strength", f"{100.0 * reading.stress_ratio:.0f} %"),
+            *((f"{each.name.capitalize()} lost", f"{figure(each.lost_ml)} ml")
+              for each in reading.fluids),
+        ]  # fmt: skip
+        if torn:
+            rows.append(
+                ("<b>Torn</b>", f"<b>{', '.join(WALLS.get(each, each) for each in torn)}</b>")
+            )
+        table = rows_html(rows, "padding:1px 10px 1px 0;opacity:.85", "text-align:right")
+        return (
+            f"<table data-testid='readout' data-broken='{reading.broken}' data-torn='{len(torn)}' "
+            f"style='margin:2px 12px 6px;font-size:13px'>{table}</table>"
+        )
+
+    def _standing(self, reading: Reading) -> str:
+        """Return what a screen reader says of the tissue."""
+        torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
+        return f"Torn: {', '.join(torn)}" if torn else "Nothing is torn"
+
+    # Choices
+
+    def _choose_led(self, leads: Leads) -> None:
+        self._lead.choose(None if leads == "scope" else ("left", "right").index(leads))
+
+    def _choose_instrument(self, hand: int, instrument: Instrument) -> None:
+        self._lead.leads_scope = False
+        self._state.choose_instrument(hand, instrument)
+
+    def _add_anatomies(self) -> None:
+        gui, anatomy = self._gui, self._state.session.specimen.anatomy
+        names = list(shipped_anatomies())
+        now = anatomy.name if anatomy is not None and anatomy.name in names else DRAWN
+        self._anatomy = gui.add_dropdown(
+            "Anatomy", [*names, DRAWN], initial_value=now, hint="Shipped, or drawn by frequencies"
+        )
+        self._seed = gui.add_number(
+            "Seed", initial_value=anatomy.seed if now == DRAWN and anatomy is not None else 1,
+            min=1, max=MOST_SEED, step=1, visible=now == DRAWN, hint="Of the anatomy that is drawn",
+        )  # fmt: skip
+        on_work(self._anatomy, lambda _: self._choose_anatomy())
+        on_work(self._seed, lambda _: self._choose_anatomy())
+
+    def _choose_anatomy(self) -> None:
+        name, seed = self._anatomy.value, number(self._seed.value)
+
+        def choose() -> None:
+            drawn = name not in shipped_anatomies()
+            if drawn and not 1 <= seed <= MOST_SEED:
+                raise ValueError(f"a seed is a whole number from 1 to {MOST_SEED:,}")
+            self._show_anatomy(drawn_anatomy(int(seed)) if drawn else anatomy_named(name))
+
+        self._state.attempt("Making the anatomy.", choose)
+
+    def _show_help(self) -> None:
+        with dialog(self._gui, "Help"):
+            self._gui.add_html(first_minute(self._state.session))
+            self._gui.add_markdown(TEXT + _keys_text())
+
+    def _add_keys(self) -> None:
+        state, lead = self._state, self._lead
+        actions: Mapping[str, Callable[[], object]] = {
+            "Left": lambda: lead.nudge(-STEP, 0, 0),
+            "Right": lambda: lead.nudge(STEP, 0, 0),
+            "Up": lambda: lead.nudge(0, STEP, 0),
+            "Down": lambda: lead.nudge(0, -STEP, 0),
+            "Shift+Up": lambda: lead.nudge(0, 0, STEP),
+            "Shift+Down": lambda: lead.nudge(0, 0, -STEP),
+            "G": lead.use_instrument,
+            "O": lambda: lead.open_more(1.0),
+            "C": lambda: lead.open_more(-1.0),
+            "X": lead.choose_next,
+            "N": state.next_instrument,
+            "Z": lead.change_scope,
+            "J": lambda: lead.move_scope(cable=-0.15),
+            "L": lambda: lead.move_scope(cable=0.15),
+            "P": lambda: state.set_paused(not state.paused),
+            "R": state.reset,
+            "V": state.bring_home,
+        }
+        for key in KEYS:
+            command = self._gui.add_command(
+                key.title, description=key.meaning, hotkey=key.hotkey, modifier=key.modifier
+            )
+
+            @command.on_trigger
+            async def _(_: object, act=actions[key.name]) -> None:  # pyright: ignore
+                act()
+
+            if key.name == "V":
+                offer_home(state.client, command, f"{key.title} ({key.name})", key.meaning)
+
+
+def _keys_text() -> str:
+    listed = "\n".join(f"- **{key.name}** {key.title}: {key.meaning}" for key in KEYS)
+    return f"\n**Keys**\n\n{listed}\n- **M** The next scene\n"

@@ -1,0 +1,1 @@
+"""The triangle of Calot through a laparoscope: its pose, its picture, and what leads it."""

@@ -1,0 +1,73 @@
+"""A scope and who holds it: the assistant, or the trainee."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.anatomy import AnatomyNetwork
+from app.simulation import TICK_SECONDS
+from app.trainer.scope.assistant import Assistant
+from app.trainer.scope.pose import OBLIQUE, Camera, Laparoscope, Pose
+from app.trainer.scope.surroundings import working_place
+
+__all__ = ["HeldScope"]
+
+Floats = NDArray[np.float64]
+
+# From the navel to the triangle, and what is up in the picture: towards the head.
+WAY, UP = np.array([0.76, 0.06, -0.66]), np.array([1.0, 0.0, 0.0])
+OUTSIDE = 215.0
+"""From the scope's trocar to the triangle, mm."""
+HOME = 66.0
+"""At which it is seen first, mm."""
+
+
+class HeldScope:
+    """The scope at an anatomy; `assisted` while the assistant holds it."""
+
+    def __init__(self, made: AnatomyNetwork) -> None:
+        self.made = made
+        self._target = working_place(made)
+        self.scope = Laparoscope.towards(self._target, WAY, UP, outside=OUTSIDE)
+        self.home()
+
+    def home(self) -> None:
+        """Give the scope to the assistant, who looks at the triangle."""
+        # Turned down, an oblique scope looks at the triangle from the patient's head.
+        pose = Pose(depth=OUTSIDE - HOME, cable=math.pi if self.scope.angle else 0.0)
+        self.assisted = True
+        self._assistant = Assistant(self.scope, pose, self._target, HOME)
+        self.pose = self._assistant.pose
+
+    @property
+    def oblique(self) -> bool:
+        """Whether it looks 30 degrees aside."""
+        return self.scope.angle > 0.0
+
+    def change(self) -> None:
+        """Take the other scope: straight or oblique."""
+        angle = 0.0 if self.oblique else OBLIQUE
+        self.scope = Laparoscope(self.scope.pivot, self.scope.base, angle)
+        self.home()
+
+    def move(
+        self, pan: float = 0.0, tilt: float = 0.0, depth: float = 0.0, cable: float = 0.0
+    ) -> None:
+        """Move the scope oneself; the assistant has let go of it from then on."""
+        self.assisted = False
+        self.pose = self.pose.moved(pan, tilt, depth, cable)
+
+    def advance(self, tips: Sequence[Floats]) -> bool:
+        """Let the assistant follow tips for a tick; return whether the scope has moved."""
+        if not self.assisted:
+            return False
+        before = self.pose
+        self.pose = self._assistant.follow(tips, TICK_SECONDS)
+        return self.pose != before
+
+    @property
+    def camera(self) -> Camera:
+        """Its camera as it is held."""
+        return self.scope.camera(self.pose)

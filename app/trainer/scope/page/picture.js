@@ -1,0 +1,414 @@
+// The picture through the scope. All is drawn in the page from the frames of packing.py: this sets
+// viser's camera to the scope's, and draws with shaders of its own in viser's scene.
+// `viewer` is `viser_bridge.run_in_page`'s.
+(() => {
+  const scope = window.bluntdissectScope;
+  if (scope.show) return;
+  const { add, sub, unit, cross, numbers, clamp, dice } = scope.algebra;
+  const PICTURE = 256, SIDES = 18, RINGS = 3;  // dots of the noise; round a tube, and an element
+  const MOVED = 0.12, DRAPED_MS = 90;          // mm that a node moves before the sheet is laid anew
+  const NEAR = 1, FAR = 800, FIELD = Math.PI / 3;
+  const BEAT_HZ = 1.2, SWELLS = 0.035;         // of an artery: heart's rate, and part of its radius
+  const COARSE = 0.5;                          // dots a pixel of the plain look
+  const ROUND = 1.10;                          // of half the picture's shorter side
+
+  class Picture {
+    constructor(source, given, shaders) {
+      Object.assign(this, { source, given, shaders, group: source.parent, meshes: [], version: -1, gain: 1, drawn: 0, pivotError: 0 });
+      source.visible = false;
+      source.raycast = () => {};
+      const make = viewer.makers(source);
+      this.make = make;
+      this.state = new scope.State(given, (data, w, h) => make.texture(data, w, h, { whole: true }));
+      this.sheet = new scope.Sheet(given.floor);
+      const { sheet, state } = this, noise = scope.noise ??= scope.noisePicture(PICTURE);
+      const slopes = scope.slopes ??= scope.slopesOf(noise, PICTURE);
+      this.field = make.texture(sheet.bytes, sheet.columns, sheet.rows, {});
+      this.rods = [new Float32Array(32), new Float32Array(32)];
+      this.wells = new Float32Array(16);
+      this.dents = new Float32Array(8);
+      const wide = sheet.columns * sheet.cell, high = sheet.rows * sheet.cell;
+      this.shared = {
+        uEye: [0, 0, 0], uLamp: [0, 0, 0], uAxis: [0, 0, -1], uGain: 1, uRound: [0, 0, 1],
+        uNoise: make.texture(noise, PICTURE, PICTURE, { repeats: true }), uSlopes: make.texture(slopes, PICTURE, PICTURE, { repeats: true }),
+        uField: this.field, uBox: [sheet.x0 - sheet.cell / 2, sheet.y0 - sheet.cell / 2, wide, high],
+        uRods: 0, uRodFrom: this.rods[0], uRodTo: this.rods[1], uWell: this.wells, uDent: this.dents,
+        uNodes: state.nodeTexture, uEnds: state.endTexture,
+      };
+      for (const [name, value] of Object.entries(this.shared)) this.shared[name] = { value };
+      this.#makeGround();
+      this.#makeTubes();
+      if (!given.plain) this.#makeWebs();
+      this.#makeInstruments();
+      this.frame = document.createElement("div");
+      this.frame.className = "bd-scope-frame";
+      viewer.canvas().parentElement.append(this.frame);
+    }
+
+    // A material of two shaders; `own` are its uniforms besides those that all share.
+    material(vertex, fragment, own = {}, settings = {}) {
+      const { shaders, given } = this, plain = given.plain ? "#define PLAIN\n" : "";
+      const parts = names => names.map(name => shaders[name]).join("\n");
+      const uniforms = { ...this.shared };
+      for (const [name, value] of Object.entries(own)) uniforms[name] = { value };
+      return this.make.material({ vertexShader: plain + parts(vertex), fragmentShader: plain + parts(fragment), uniforms, settings });
+    }
+
+    put(geometry, material, order = 0) {
+      const mesh = this.make.mesh(geometry, material);
+      mesh.renderOrder = order;
+      this.group.add(mesh);
+      this.meshes.push(mesh);
+      return mesh;
+    }
+
+    #makeGround() {
+      const { sheet, make } = this, { columns, rows } = sheet;
+      const field = () => {
+        const position = new Float32Array(3 * sheet.size), normal = new Float32Array(3 * sheet.size);
+        for (let k = 0; k < sheet.size; k++) {
+          position[3 * k] = sheet.x0 + (k % columns) * sheet.cell;
+          position[3 * k + 1] = sheet.y0 + Math.floor(k / columns) * sheet.cell;
+        }
+        const geometry = make.geometry({ position: [position, 3], normal: [normal, 3], cover: [new Float32Array(sheet.size), 1] }, gridIndex(columns, rows));
+        return { position, normal, geometry };
+      };
+      this.floor = field();
+      this.skin = field();
+      raise(this.floor, sheet.floor, sheet);
+      this.put(this.floor.geometry, this.material(["ground.vert"], ["common", "wet", "floor.frag"]), 3);
+      const cloth = ["common", "wet", "sheet.frag"];
+      this.put(this.skin.geometry, this.material(["ground.vert"], cloth, { uOpaque: 1 }, { side: 2 }), 1);
+      this.put(this.skin.geometry, this.material(["ground.vert"], cloth, { uOpaque: 0 }, { side: 2, transparent: true }), 6);
+      const liver = liverOf(this.given.liver);
+      this.put(make.geometry({ position: [liver.position, 3], normal: [liver.normal, 3], cover: [new Float32Array(liver.position.length / 3), 1] }, gridIndex(liver.columns, liver.rows)),
+        this.material(["ground.vert"], ["common", "wet", "liver.frag"], {}, { side: 2 }), 3);
+    }
+
+    #makeTubes() {
+      const { state, make } = this;
+      this.tubes = state.tubes.map(tube => {
+        const rings = RINGS * (tube.count - 1) + 1, place = new Float32Array(2 * rings * (SIDES + 1));
+        for (let j = 0; j < rings; j++) for (let i = 0; i <= SIDES; i++) place.set([j / RINGS, 2 * Math.PI * i / SIDES], 2 * (j * (SIDES + 1) + i));
+        const geometry = make.geometry({ position: [new Float32Array(1.5 * place.length), 3], place: [place, 2] }, gridIndex(SIDES + 1, rings));
+        const look = tube.look, own = {
+          uFirst: tube.first, uCount: tube.count, uTorn: [-1, -1], uPulse: 0, uColor: look.color, uDeep: look.deep,
+          uLook: [look.vessels, look.bumps, look.rough, look.wet], uCoat: [look.fibres, look.fat], uLump: look.lumps, uFold: look.folds,
+        };
+        return { tube, uniforms: this.put(geometry, this.material(["tube.vert"], ["common", "wet", "tube.frag"], own, { side: 2 }), 2).material.uniforms };
+      });
+    }
+
+    #makeWebs() {
+      const { given, state, make } = this, throwDice = dice(11);
+      const runs = numbers(given.runs), films = numbers(given.films), count = films.length / 2;
+      this.runs = runs;
+      this.films = films;
+      this.filmRows = new Float32Array(4 * count);
+      this.gone = new Float32Array(2 * count);
+      this.shown = new Int32Array(count);
+      this.exposed = new Uint8Array(state.count);
+      const grid = (columns, rows) => {
+        const place = new Float32Array(2 * columns * rows);
+        for (let k = 0; k < columns * rows; k++) place.set([(k % columns) / (columns - 1), Math.floor(k / columns) / (rows - 1)], 2 * k);
+        return make.geometry({ position: [new Float32Array(1.5 * place.length), 3], place: [place, 2] }, gridIndex(columns, rows));
+      };
+      const clear = { transparent: true, depthWrite: false, side: 2 };
+      const webs = grid(3, 7);
+      make.each(webs, "film", this.filmRows, 4);
+      make.each(webs, "gone", this.gone, 2);
+      this.webs = this.put(webs, this.material(["ends", "web.vert"], ["common", "web.frag"], {}, clear), 4);
+      this.threadList = [];
+      for (let i = 0; i < state.count; i++) if (throwDice() < 0.36) this.threadList.push(i);
+      this.threadRows = new Float32Array(2 * this.threadList.length);
+      const threads = grid(2, 7);
+      make.each(threads, "strand", this.threadRows, 2);
+      this.threads = this.put(threads, this.material(["ends", "thread.vert"], ["common", "thread.frag"], {}, clear), 5);
+    }
+
+    #makeInstruments() {
+      this.instruments = this.given.trocars.map(() => null);
+      this.clipMeshes = [0, 1, 2, 3].map(() => this.#piece(scope.clipShape()));
+    }
+
+    // A mesh that is placed by three axes and a place.
+    #piece(shape) {
+      const geometry = this.make.geometry({ position: [new Float32Array(shape.position), 3], normal: [new Float32Array(shape.normal), 3], stuff: [new Float32Array(shape.stuff), 1] }, new Uint32Array(shape.index));
+      const matrix = this.make.matrix(), mesh = this.put(geometry, this.material(["steel.vert"], ["common", "steel.frag"], { uPlace: matrix }, { side: 2 }));
+      const hide = () => { mesh.visible = false; };
+      hide();
+      return {
+        set(x, y, z, p) { mesh.visible = true; matrix.set(x[0], y[0], z[0], p[0], x[1], y[1], z[1], p[1], x[2], y[2], z[2], p[2], 0, 0, 0, 1); },
+        hide,
+        remove: () => { this.group.remove(mesh); geometry.dispose(); mesh.material.dispose(); this.meshes.splice(this.meshes.indexOf(mesh), 1); },
+      };
+    }
+
+    // A new frame has come.
+    #take(now) {
+      const { state, given } = this;
+      state.take(this.source.geometry.attributes.position.array, given.nodes, now);
+      const parted = state.parted.reduce((a, b) => a + b, 0), rows = state.rows;
+      const moved = !this.drapedRows || parted !== this.drapedParted || this.drapedRows.some((x, k) => Math.abs(x - rows[k]) > MOVED);
+      this.stale ||= moved;
+      const torn = state.torn;
+      this.tubes.forEach(({ uniforms, tube }, number) => {
+        const mine = torn.filter(([which]) => which === number).map(([, element]) => element);
+        uniforms.uTorn.value = [mine.at(-1) ?? -1, mine.at(-2) ?? -1];
+        tube.torn = mine;
+      });
+      this.#fluids();
+      this.#showClips();
+    }
+
+    #drape(now) {
+      const { sheet, state } = this;
+      this.stale = false;
+      this.drapedAt = now;
+      this.drapedRows = state.rows.slice();
+      this.drapedParted = state.parted.reduce((a, b) => a + b, 0);
+      sheet.drape(state);
+      raise(this.skin, sheet.top, sheet);
+      this.skin.geometry.attributes.cover.array.set(sheet.cover);
+      this.skin.geometry.attributes.cover.needsUpdate = true;
+      if (this.webs) this.#expose();
+      sheet.fill();
+      this.field.needsUpdate = true;
+    }
+
+    // What lies under the whole sheet is not drawn.
+    #expose() {
+      const { sheet, state, exposed, films, runs, shown, filmRows, threadList, threadRows } = this;
+      for (let i = 0; i < state.count; i++) {
+        const o = 8 * i, k = sheet.cellAt(0.5 * (state.ends[o] + state.ends[o + 4]), 0.5 * (state.ends[o + 1] + state.ends[o + 5]));
+        exposed[i] = k < 0 || sheet.cover[k] < 0.9 ? 1 : 0;
+      }
+      let n = 0, m = 0;
+      for (let f = 0; f < films.length / 2; f++) {
+        const i = runs[films[2 * f]], j = runs[films[2 * f + 1]];
+        if (!exposed[i] && !exposed[j]) continue;
+        filmRows.set([i, j, i * 0.37, j * 0.37], 4 * n);
+        shown[n++] = f;
+      }
+      for (const i of threadList) if (exposed[i]) threadRows.set([i, i * 0.37], 2 * m++);
+      this.webs.geometry.instanceCount = this.filmCount = n;
+      this.threads.geometry.instanceCount = m;
+      this.webs.geometry.attributes.film.needsUpdate = this.threads.geometry.attributes.strand.needsUpdate = true;
+    }
+
+    // How much of each film's strands has parted, on either half.
+    #fray() {
+      const { shown, films, runs, gone, state } = this;
+      for (let n = 0; n < this.filmCount; n++) {
+        const a = films[2 * shown[n]], b = films[2 * shown[n] + 1], middle = (a + b) / 2, sums = [0, 0, 0, 0];
+        for (let i = a; i <= b; i++) {
+          const part = state.ends[8 * runs[i] + 7];
+          if (i <= middle) { sums[0] += part; sums[1]++; }
+          if (i >= middle) { sums[2] += part; sums[3]++; }
+        }
+        gone[2 * n] = sums[0] / sums[1];
+        gone[2 * n + 1] = sums[2] / sums[3];
+      }
+      this.webs.geometry.attributes.gone.needsUpdate = true;
+    }
+
+    #fluids() {
+      this.wells.fill(0);
+      this.state.wells.forEach(({ place, rate, bile }, i) => { this.wells.set([...place, bile ? -rate : rate], 4 * i); });
+    }
+
+    #showClips() {
+      const { state } = this, clips = state.clips;
+      this.clipMeshes.forEach((mesh, i) => {
+        if (!clips[i]) { mesh.hide(); return; }
+        const tube = state.tubes[clips[i][0]], [x, y, z, r] = state.at(tube, clips[i][1]);
+        const along = state.along(tube, clips[i][1]), up = unit(sub([0, 0, 1], along.map(v => v * along[2]))), side = cross(along, up);
+        const wide = (r + 1.1) / 1.9;
+        mesh.set(side.map(v => v * wide), up.map(v => v * 1.75 * r), along, [x, y, z]);
+      });
+    }
+
+    #showHands() {
+      const { state, given } = this, rods = [];
+      this.dents.fill(0);
+      this.instruments.forEach((shown, i) => {
+        const hand = state.hand(i), name = given.instruments[hand.instrument];
+        if (shown?.name !== name) {
+          shown?.remove();
+          const made = name ? new scope.Instrument(name, given.trocars[i], shape => this.#piece(shape)) : null;
+          this.instruments[i] = shown = made && Object.assign(made, { name });
+        }
+        if (!shown) return;
+        this.pivotError = Math.max(this.pivotError, shown.show(hand, rods));
+        if (hand.holds) this.dents.set([...hand.tip, 2.5], 4 * i);
+      });
+      rods.slice(0, 8).forEach(({ from, to, radius }, m) => { this.rods[0].set([...from, radius], 4 * m); this.rods[1].set([...to, 0], 4 * m); });
+      this.shared.uRods.value = Math.min(rods.length, 8);
+    }
+
+    // Set the camera and draw what has changed; runs before each picture.
+    draw(renderer, camera, now) {
+      const { source, state, sheet, given } = this, at = source.geometry.attributes.position;
+      source.visible = false;
+      const fresh = at.version !== this.version || at.array !== this.array;
+      if (fresh) { this.version = at.version; this.array = at.array; this.#take(now); }
+      if (this.stale && (this.drapedAt === undefined || now - this.drapedAt > DRAPED_MS)) this.#drape(now);
+      let moving = this.stale === true;
+      if (fresh || this.shrinking) {
+        this.shrinking = state.shrink(now);
+        if (this.webs) this.#fray();
+        moving ||= this.shrinking;
+      }
+      const seconds = Math.min(0.1, (now - (this.last ?? now)) / 1000);
+      this.last = now;
+      const suckers = this.instruments.map((_, i) => state.hand(i)).filter(hand => given.instruments[hand.instrument] === "suction" && hand.opening > 0).map(hand => hand.tip);
+      if (sheet.flow(state.wells, suckers, seconds)) { sheet.fill(); this.field.needsUpdate = true; moving = true; }
+      if (given.plain) this.#coarsen(renderer);
+      const pose = this.pose = scope.cameraOf(given.pivot, given.base, state.pose);
+      this.#aim(camera, pose);
+      this.#light(renderer, pose);
+      this.#showHands();
+      if (!given.plain) {
+        const beat = Math.exp(-3 * ((BEAT_HZ * now / 1000) % 1)) - 0.3;
+        for (const { tube, uniforms } of this.tubes) if (tube.look.pulse) uniforms.uPulse.value = SWELLS * beat;
+      }
+      this.drawn++;
+      // An artery's pulse is seen where pictures cost little.
+      const quick = this.times === undefined || this.times < 45;
+      this.times = 0.8 * (this.times ?? 60) + 0.2 * Math.min(now - (this.lastDraw ?? now), 500);
+      this.lastDraw = now;
+      if (moving || (quick && !given.plain)) setTimeout(viewer.redraw, 15);
+    }
+
+    // A processor that draws takes time for every dot: a quarter of them is enough to work by.
+    #coarsen(renderer) {
+      const dots = renderer.getPixelRatio();
+      if (dots <= COARSE) return;
+      this.finer = () => renderer.setPixelRatio(dots);
+      setTimeout(() => { renderer.setPixelRatio(COARSE); viewer.redraw(); });
+    }
+
+    #aim(camera, { right, up, back, tip }) {
+      const m = camera.matrix.clone().set(right[0], up[0], back[0], tip[0], right[1], up[1], back[1], tip[1], right[2], up[2], back[2], tip[2], 0, 0, 0, 1).premultiply(this.group.matrixWorld);
+      m.decompose(camera.position, camera.quaternion, camera.scale);
+      // The round picture touches the shorter sides of the window.
+      const fov = 360 / Math.PI * Math.atan(Math.tan(FIELD / 2) * Math.max(1, 1 / camera.aspect) / ROUND);
+      this.high = Math.tan(fov * Math.PI / 360);
+      if (Math.abs(camera.fov - fov) > 1e-6 || camera.near !== NEAR || camera.far !== FAR) {
+        Object.assign(camera, { fov, near: NEAR, far: FAR });
+        camera.updateProjectionMatrix();
+      }
+      camera.updateMatrixWorld(true);
+    }
+
+    #light(renderer, pose) {
+      const { shared, sheet } = this, canvas = renderer.domElement;
+      shared.uRound.value = [canvas.width / 2, canvas.height / 2, 1.005 * ROUND * Math.min(canvas.width, canvas.height) / 2];
+      shared.uEye.value = pose.tip;
+      shared.uLamp.value = add(add(pose.tip, pose.up, 6), pose.right, -2);
+      shared.uAxis.value = pose.back.map(x => -x);
+      // The camera's head holds the middle of the picture equally bright.
+      let d = 20;
+      for (; d < 160; d += 2) { const q = add(pose.tip, pose.back, -d); if (q[2] < sheet.height(q[0], q[1])) break; }
+      this.distance = d;
+      this.gain += ((d * d + 150) / 3750 * 0.98 - this.gain) * (this.drawn > 4 ? 0.15 : 1);
+      shared.uGain.value = this.gain;
+    }
+
+    remove() {
+      for (const shown of [...this.instruments]) shown?.remove();
+      for (const mesh of this.meshes) { this.group.remove(mesh); mesh.geometry.dispose(); mesh.material.dispose(); }
+      for (const name of ["uNoise", "uSlopes", "uField", "uNodes", "uEnds"]) this.shared[name].value.dispose();
+      this.frame.remove();
+      this.finer?.();
+    }
+  }
+
+  const gridIndex = (columns, rows) => {
+    const index = new Uint32Array(6 * (columns - 1) * (rows - 1));
+    let at = 0;
+    for (let r = 0; r + 1 < rows; r++) for (let c = 0; c + 1 < columns; c++) {
+      const p = r * columns + c;
+      index.set([p, p + 1, p + columns + 1, p, p + columns + 1, p + columns], at);
+      at += 6;
+    }
+    return index;
+  };
+
+  // Give a grid new heights, and normals of them.
+  const raise = ({ position, normal, geometry }, heights, { columns, rows, cell }) => {
+    for (let j = 0; j < rows; j++) for (let i = 0; i < columns; i++) {
+      const k = j * columns + i, along = heights[j * columns + Math.min(i + 1, columns - 1)] - heights[j * columns + Math.max(i - 1, 0)];
+      const up = heights[Math.min(j + 1, rows - 1) * columns + i] - heights[Math.max(j - 1, 0) * columns + i];
+      const l = 1 / Math.hypot(along, up, 2 * cell);
+      position[3 * k + 2] = heights[k];
+      normal[3 * k] = -along * l;
+      normal[3 * k + 1] = -up * l;
+      normal[3 * k + 2] = 2 * cell * l;
+    }
+    geometry.attributes.position.needsUpdate = geometry.attributes.normal.needsUpdate = true;
+  };
+
+  // The liver's underside and edge: a profile, (x, z) mm, drawn along y.
+  const liverOf = profile => {
+    const columns = 60, rows = 26, position = new Float32Array(3 * columns * rows), normal = new Float32Array(3 * columns * rows);
+    const at = (s, e) => {
+      const k = Math.min(Math.floor(s), profile.length - 2), t = s - k, q = m => profile[clamp(m, 0, profile.length - 1)][e];
+      return 0.5 * (2 * q(k) + (q(k + 1) - q(k - 1)) * t + (2 * q(k - 1) - 5 * q(k) + 4 * q(k + 1) - q(k + 2)) * t * t + (3 * q(k) - q(k - 1) - 3 * q(k + 1) + q(k + 2)) * t ** 3);
+    };
+    for (let j = 0; j < rows; j++) for (let i = 0; i < columns; i++) {
+      const y = -80 + 180 * i / (columns - 1), s = j / (rows - 1) * (profile.length - 1);
+      const x = at(s, 0) + 0.0035 * (y - 35) ** 2 * (y < 35 ? 0.7 : 0.4) - 7 * Math.exp(-(((y + 22) / 16) ** 2)) + 1.6 * Math.sin(0.13 * y);
+      position.set([x, y, at(s, 1) + 2.2 * Math.sin(0.07 * y + 1) + 0.9 * Math.sin(0.19 * y)], 3 * (j * columns + i));
+    }
+    const point = (i, j) => { const k = 3 * (clamp(j, 0, rows - 1) * columns + clamp(i, 0, columns - 1)); return [position[k], position[k + 1], position[k + 2]]; };
+    for (let j = 0; j < rows; j++) for (let i = 0; i < columns; i++) {
+      const n = unit(cross(sub(point(i + 1, j), point(i - 1, j)), sub(point(i, j + 1), point(i, j - 1))));
+      normal.set(n[0] > 0.05 || n[2] < -0.2 ? n.map(v => -v) : n, 3 * (j * columns + i));
+    }
+    return { position, normal, columns, rows };
+  };
+
+  // The scene node's picture, made anew when viser makes the node anew, as after a reconnection.
+  const hooked = new WeakSet();
+  let wanted = null;
+  const source = () => {
+    let found = null;
+    viewer.node(wanted.name)?.traverse(mesh => { if (!found && mesh.isMesh) found = mesh; });
+    return found;
+  };
+  const hook = scene => {
+    if (hooked.has(scene)) return;
+    hooked.add(scene);
+    const before = scene.onBeforeRender;
+    scene.onBeforeRender = (...given) => {
+      before.apply(scene, given);
+      const [renderer, , camera] = given;
+      if (!wanted || !camera.isPerspectiveCamera) return;
+      const now = performance.now(), node = source();
+      if (scope.picture && scope.picture.source !== node) { scope.picture.remove(); scope.picture = null; }
+      if (!node || !viewer.makers(node)) return;
+      if (!scope.picture) scope.picture = new Picture(node, wanted.given, wanted.shaders);
+      scope.picture.draw(renderer, camera, now);
+    };
+  };
+  const ready = () => viewer.scene() && wanted && source() && viewer.makers(source());
+  const begin = (left = 1200) => {
+    if (ready()) { hook(viewer.scene()); viewer.redraw(); }
+    else if (wanted && left) setTimeout(() => begin(left - 1), 50);
+  };
+  scope.show = (name, given, shaders) => {
+    scope.hide();
+    wanted = { name, given, shaders };
+    viewer.hold(true);
+    begin();
+  };
+  scope.hide = () => {
+    wanted = null;
+    scope.leave();
+    scope.picture?.remove();
+    scope.picture = null;
+    viewer.hold(false);
+    viewer.redraw();
+  };
+})();

@@ -1,0 +1,93 @@
+// Mouse, fingers and wheel at the scope's picture: the tip goes under the pointer, at its depth. What
+// is led goes to a widget of the server's as short texts; `viewer` is `run_picture`'s.
+(() => {
+  const scope = window.bluntdissectScope;
+  if (scope.lead) return;
+  const { add, sub, dot } = scope.algebra;
+  const LEAST_MS = 33;       // between two messages of one movement
+  const WHEEL_MM = 1.5, PINCH = 0.25;  // mm of depth: a notch of the wheel, and a dot of a pinch
+  const LOOK = 0.0022;       // rad of pan and tilt, a dot
+  let lead = null;           // the widget's number, and what the pointer leads: a hand, or the scope
+  let number = 0, waiting = null, sentAt = 0;
+  const say = words => viewer.send(lead.uuid, `${++number} ${words}`);
+  const saySoon = words => {
+    if (!waiting) setTimeout(() => { const last = waiting; waiting = null; sentAt = performance.now(); if (lead && last) say(last); },
+      Math.max(0, sentAt + LEAST_MS - performance.now()));
+    waiting = words;
+  };
+  const fixed = values => values.map(x => x.toFixed(3)).join(" ");
+
+  // Direction of a pixel, 1 mm into the picture.
+  const wayOf = ({ clientX, clientY }) => {
+    const box = viewer.canvas().getBoundingClientRect(), { pose } = scope.picture;
+    const high = scope.picture.high, x = (clientX - box.left) / box.width * 2 - 1, y = 1 - (clientY - box.top) / box.height * 2;
+    return add(add(pose.back.map(v => -v), pose.right, x * high * box.width / box.height), pose.up, y * high);
+  };
+  const depthOf = place => -dot(sub(place, scope.picture.pose.tip), scope.picture.pose.back);
+  const leadTo = target => { lead.target = target; saySoon(`move ${fixed(target)}`); };
+
+  const down = new Map();    // pointers that are pressed, and where they are
+  let apart = 0;
+  const spread = () => { const [a, b] = [...down.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
+  const press = event => {
+    if (!scope.picture?.pose || event.target !== viewer.canvas()) return;
+    event.stopPropagation();
+    if (event.button === 2) { event.preventDefault(); say("act"); return; }
+    viewer.canvas().setPointerCapture?.(event.pointerId);
+    down.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    if (down.size === 2) { apart = spread(); return; }
+    if (down.size > 2 || lead.hand < 0 || event.button === 1) return;
+    const { tip, holds } = scope.picture.state.hand(lead.hand);
+    lead.depth = depthOf(tip);
+    const under = add(scope.picture.pose.tip, wayOf(event), lead.depth);
+    // What is held is led from where it is, and not pulled to the pointer.
+    lead.aside = holds ? sub(tip, under) : [0, 0, 0];
+    leadTo(add(under, lead.aside));
+  };
+  const move = event => {
+    const before = down.get(event.pointerId);
+    if (!before || !scope.picture?.pose) return;
+    event.stopPropagation();
+    const across = event.clientX - before.x, up = before.y - event.clientY;
+    down.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    if (down.size === 2) {
+      const now = spread();
+      deeper(PINCH * (now - apart));
+      apart = now;
+    } else if (lead.hand < 0 || event.buttons === 4) say(`scope ${fixed([-LOOK * across, -LOOK * up, 0, 0])}`);
+    else if (lead.aside) leadTo(add(add(scope.picture.pose.tip, wayOf(event), lead.depth), lead.aside));
+  };
+  const lift = event => {
+    if (!down.delete(event.pointerId) || down.size) return;
+    event.stopPropagation();
+  };
+  const deeper = mm => {
+    const { picture } = scope;
+    if (!picture?.pose || !mm) return;
+    if (lead.hand < 0) { say(`scope ${fixed([0, 0, mm, 0])}`); return; }
+    const from = down.size && lead.target ? lead.target : picture.state.hand(lead.hand).tip;
+    const start = waiting || down.size ? lead.target ?? from : from, way = sub(start, picture.pose.tip), now = depthOf(start);
+    lead.depth = Math.max(8, now + mm);
+    leadTo(add(picture.pose.tip, way, lead.depth / now));
+  };
+  const turn = event => {
+    if (!scope.picture || event.target !== viewer.canvas()) return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (event.ctrlKey || event.shiftKey) say(`scope ${fixed([0, 0, 0, Math.sign(event.deltaY) * 0.12])}`);
+    else deeper(-Math.sign(event.deltaY) * WHEEL_MM);
+  };
+  const nothing = event => { if (event.target === viewer.canvas()) event.preventDefault(); };
+  const LISTENED = [["pointerdown", press], ["pointermove", move], ["pointerup", lift], ["pointercancel", lift], ["wheel", turn], ["contextmenu", nothing]];
+
+  // Lead a hand, or below zero the scope, by the pointer from now on, through a widget.
+  scope.lead = (uuid, hand) => {
+    if (!lead) for (const [kind, take] of LISTENED) window.addEventListener(kind, take, { capture: true, passive: false });
+    lead = { uuid, hand, aside: null };
+  };
+  scope.leave = () => {
+    lead = null;
+    down.clear();
+    for (const [kind, take] of LISTENED) window.removeEventListener(kind, take, { capture: true });
+  };
+})();

@@ -1,0 +1,176 @@
+// Height fields on one grid: the floor, the sheet of fat and peritoneum over floor and tubes, how
+// much of it is left, and blood and bile that lie on what is uppermost.
+(() => {
+  const scope = window.bluntdissectScope;
+  if (scope.Sheet) return;
+  const { clamp, numbers } = scope.algebra;
+  const SPANS = 6;           // rounds in which the sheet is stretched between what it lies on
+  const THICK = 0.35;        // of the sheet, mm
+  const HEAPED = 2.6;        // of what is pushed aside, at the rim of a hole, mm
+  const STAYS = 0.05;        // of a fluid where it has been, mm
+  const SUCKS = 90, REACH = 7;  // mm^3/s that a tip takes, within mm
+
+  class Sheet {
+    constructor({ x0, y0, cell, columns, rows, heights }) {
+      Object.assign(this, { x0, y0, cell, columns, rows, size: columns * rows, floor: numbers(heights) });
+      for (const name of ["top", "cover", "blood", "bile", "cavity", "spare", "kept", "left", "all"])
+        this[name] = new Float32Array(this.size);
+      this.cover.fill(1);
+      this.bytes = new Uint8Array(4 * this.size);  // cover, blood, cavity, bile
+    }
+
+    cellAt(x, y) {
+      const i = Math.round((x - this.x0) / this.cell), j = Math.round((y - this.y0) / this.cell);
+      return i < 0 || j < 0 || i >= this.columns || j >= this.rows ? -1 : j * this.columns + i;
+    }
+
+    // Height of what is uppermost there, mm: the sheet, or where it is gone the floor.
+    height(x, y) {
+      const k = this.cellAt(x, y);
+      return k < 0 ? -1e3 : this.#level(k);
+    }
+
+    // Lay the sheet over floor and tubes, and take it away where its strands have parted.
+    drape(state) {
+      const { top, floor, spare, kept, cell, columns, rows, size } = this;
+      top.set(floor);
+      for (const tube of state.tubes) if (!tube.bare) this.#lay(state, tube);
+      spare.set(top);
+      kept.set(top);
+      for (let n = 0; n < SPANS; n++) {
+        this.#blur(spare);
+        for (let k = 0; k < size; k++) spare[k] = Math.max(spare[k], kept[k]);
+      }
+      top.set(spare);
+      this.#blur(top);
+      for (let k = 0; k < size; k++) top[k] = Math.max(top[k], kept[k] + 0.25) + THICK;
+      this.#takeAway(state);
+      // What has gone lies heaped up at the rim, and the deeper a hole the darker it is.
+      spare.set(this.cover);
+      this.#blur(spare); this.#blur(spare); this.#blur(spare); this.#blur(spare);
+      for (let k = 0; k < size; k++) top[k] += HEAPED * this.cover[k] * (this.cover[k] - Math.min(spare[k], this.cover[k])) * 2;
+      spare.set(top);
+      for (let n = 0; n < 4; n++) this.#blur(spare);
+      for (let k = 0; k < size; k++) this.cavity[k] = clamp(1.0 - 0.085 * (spare[k] - floor[k]), 0.30, 1);
+      return { cell, columns, rows };
+    }
+
+    // Let fluids well up, run down and lie; return whether any moves.
+    flow(wells, suckers, seconds) {
+      let moves = false;
+      for (const [film, some] of [[this.blood, wells.filter(w => !w.bile)], [this.bile, wells.filter(w => w.bile)]]) {
+        const steps = 4;
+        for (let n = 0; n < steps; n++) {
+          for (const { place, rate } of some) {
+            const k = this.cellAt(place[0], place[1]);
+            if (k >= 0) { film[k] += rate * seconds / steps / this.cell ** 2; moves = true; }
+          }
+          moves = this.#run(film) || moves;
+        }
+        for (const tip of suckers) moves = this.#suck(film, tip, seconds) || moves;
+      }
+      return moves;
+    }
+
+    // What the shaders read.
+    fill() {
+      const { bytes, cover, blood, bile, cavity, size } = this;
+      for (let k = 0; k < size; k++) {
+        bytes[4 * k] = 255 * cover[k];
+        bytes[4 * k + 1] = Math.min(127.5 * blood[k], 255);
+        bytes[4 * k + 2] = 255 * cavity[k];
+        bytes[4 * k + 3] = Math.min(127.5 * bile[k], 255);
+      }
+    }
+
+    get bloodVolume() { return this.blood.reduce((sum, w) => sum + w, 0) * this.cell ** 2; }
+
+    #lay(state, tube) {
+      const { x0, y0, cell, columns, rows, top } = this;
+      for (let s = 0; s < tube.count - 1; s += 0.5) {
+        const [x, y, z, radius] = state.at(tube, s), r = radius + 0.7, m = Math.ceil((r + 1) / cell);
+        const ci = Math.round((x - x0) / cell), cj = Math.round((y - y0) / cell);
+        for (let j = Math.max(0, cj - m); j <= Math.min(rows - 1, cj + m); j++)
+          for (let i = Math.max(0, ci - m); i <= Math.min(columns - 1, ci + m); i++) {
+            const off = (x0 + i * cell - x) ** 2 + (y0 + j * cell - y) ** 2, k = j * columns + i;
+            if (off < r * r) top[k] = Math.max(top[k], z + Math.sqrt(r * r - off));
+          }
+      }
+    }
+
+    #takeAway(state) {
+      const { x0, y0, cell, columns, rows, size, left, all, cover, spare } = this, { ends, strands, parted } = state;
+      left.fill(0);
+      all.fill(0);
+      for (let i = 0; i < state.count; i++) {
+        const part = strands[9 * i + 8], o = 8 * i;
+        const u = (0.5 * (ends[o] + ends[o + 4]) - x0) / cell, v = (0.5 * (ends[o + 1] + ends[o + 5]) - y0) / cell;
+        for (let j = Math.max(0, Math.floor(v) - 2); j <= Math.min(rows - 1, Math.floor(v) + 3); j++)
+          for (let m = Math.max(0, Math.floor(u) - 2); m <= Math.min(columns - 1, Math.floor(u) + 3); m++) {
+            const w = part * Math.exp(-0.5 * ((m - u) ** 2 + (j - v) ** 2)), k = j * columns + m;
+            all[k] += w;
+            if (!parted[i]) left[k] += w;
+          }
+      }
+      for (let k = 0; k < size; k++) cover[k] = all[k] > 0.12 ? left[k] / all[k] : Number.NaN;
+      // Beyond the strands it is as near them, and further off whole.
+      for (let n = 0; n < 8; n++) {
+        spare.set(cover);
+        for (let j = 1; j < rows - 1; j++) for (let i = 1; i < columns - 1; i++) {
+          const k = j * columns + i;
+          if (!Number.isNaN(cover[k])) continue;
+          let sum = 0, count = 0;
+          for (const q of [k - 1, k + 1, k - columns, k + columns]) if (!Number.isNaN(cover[q])) { sum += cover[q]; count++; }
+          if (count) spare[k] = n < 5 ? sum / count : 1;
+        }
+        cover.set(spare);
+      }
+      for (let k = 0; k < size; k++) if (Number.isNaN(cover[k])) cover[k] = 1;
+      this.#blur(cover);
+    }
+
+    #level(k) { return (this.cover[k] > 0.45 ? this.top[k] : this.floor[k]) + this.blood[k]; }
+
+    #run(film) {
+      const { columns, rows } = this;
+      let moves = false;
+      for (let j = 1; j < rows - 1; j++) for (let i = 1; i < columns - 1; i++) {
+        const k = j * columns + i, w = film[k];
+        if (w < STAYS + 0.01) continue;
+        const here = this.#level(k), near = [k - 1, k + 1, k - columns, k + columns];
+        const falls = near.map(m => Math.max(0, here - this.#level(m))), sum = falls[0] + falls[1] + falls[2] + falls[3];
+        if (sum <= 0) continue;
+        const out = Math.min(w - STAYS, 0.25 * sum * Math.min(1, 2.5 * w));
+        for (let m = 0; m < 4; m++) film[near[m]] += out * falls[m] / sum;
+        film[k] -= out;
+        moves ||= out > 1e-4;
+      }
+      return moves;
+    }
+
+    #suck(film, tip, seconds) {
+      const near = [];
+      let sum = 0;
+      for (let j = 0; j < this.rows; j++) for (let i = 0; i < this.columns; i++) {
+        const k = j * this.columns + i;
+        if (film[k] > 0 && Math.hypot(this.x0 + i * this.cell - tip[0], this.y0 + j * this.cell - tip[1]) < REACH) { near.push(k); sum += film[k]; }
+      }
+      const part = sum > 0 ? Math.min(1, SUCKS * seconds / this.cell ** 2 / sum) : 0;
+      for (const k of near) film[k] *= 1 - part;
+      return part > 0;
+    }
+
+    #blur(a) {
+      const { columns, rows, size } = this, b = this.blurred ??= new Float32Array(size);
+      for (let j = 0; j < rows; j++) for (let i = 0; i < columns; i++) {
+        const k = j * columns + i;
+        b[k] = (a[j * columns + Math.max(i - 1, 0)] + 2 * a[k] + a[j * columns + Math.min(i + 1, columns - 1)]) / 4;
+      }
+      for (let j = 0; j < rows; j++) for (let i = 0; i < columns; i++) {
+        const k = j * columns + i;
+        a[k] = (b[Math.max(j - 1, 0) * columns + i] + 2 * b[k] + b[Math.min(j + 1, rows - 1) * columns + i]) / 4;
+      }
+    }
+  }
+  scope.Sheet = Sheet;
+})();

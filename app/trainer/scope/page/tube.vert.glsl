@@ -1,0 +1,52 @@
+// A tube's wall from its nodes: a Catmull-Rom curve, its radius, folds, pulse, tear and dents.
+attribute vec2 place;  // along it, in elements, and round it, rad
+uniform sampler2D uNodes;  // row 0: place and radius; row 1: up in the cross-section
+uniform float uFirst, uCount, uLump, uFold, uPulse;
+uniform vec2 uTorn;  // numbers of its torn elements, -1 for none
+uniform vec4 uDent[2];  // closed jaws that press on it: place, mm, and depth
+varying vec3 vPlace, vNormal, vAlong;
+varying vec2 vOn;
+varying float vRim;  // elements to a torn end
+vec4 node(float i, float row) { return texelFetch(uNodes, ivec2(int(uFirst + i), int(row)), 0); }
+void main() {
+  float s = place.x, low = 0.0, high = uCount - 1.0;
+  vRim = 99.0;
+  for (int k = 0; k < 2; k++) {
+    float e = k == 0 ? uTorn.x : uTorn.y;
+    if (e < 0.0) continue;
+    float middle = e + 0.5;
+    if (s < middle) { high = min(high, e + 0.38); vRim = min(vRim, e + 0.38 - s); }
+    else { low = max(low, e + 0.62); vRim = min(vRim, s - e - 0.62); }
+  }
+  // Of a torn element each end goes on as its own piece does.
+  float from = floor(low + 0.5), to = ceil(high - 0.5);
+  s = clamp(s, low, high);
+  float i = clamp(floor(s), from, max(from, to - 1.0)), t = s - i;
+  vec4 b = node(i, 0.0), c = node(min(i + 1.0, to), 0.0);
+  if (i + 1.0 > to) c = 2.0 * b - node(i - 1.0, 0.0);
+  vec4 a = i - 1.0 < from ? 2.0 * b - c : node(i - 1.0, 0.0);
+  vec4 d = i + 2.0 > to ? 2.0 * c - b : node(i + 2.0, 0.0);
+  vec4 m = 0.5 * (2.0 * b + (c - a) * t + (2.0 * a - 5.0 * b + 4.0 * c - d) * t * t + (3.0 * b - a - 3.0 * c + d) * t * t * t);
+  vec4 dm = 0.5 * ((c - a) + 2.0 * (2.0 * a - 5.0 * b + 4.0 * c - d) * t + 3.0 * (3.0 * b - a - 3.0 * c + d) * t * t);
+  vec3 along = normalize(dm.xyz), up = mix(node(i, 1.0).xyz, node(min(i + 1.0, to), 1.0).xyz, clamp(t, 0.0, 1.0));
+  up = normalize(up - along * dot(up, along));
+  vec3 side = cross(along, up), outward = cos(place.y) * up + sin(place.y) * side;
+  float mm = s * length(dm.xyz);
+  float r = m.w * (1.0 + uPulse + uLump * (0.05 * sin(s * 2.3 + 1.7 * sin(place.y)) + 0.04 * sin(place.y * 2.0 + s * 1.1)));
+  // The spiral valves of a cystic duct.
+  r *= 1.0 + uFold * 0.05 * sin(2.9 * mm + place.y + 0.8 * sin(0.7 * mm));
+  // A torn end shrinks together and is uneven.
+  r *= 1.0 - 0.30 * smoothstep(0.7, 0.0, vRim);
+  vPlace = m.xyz + r * outward;
+  if (vRim < 0.2) vPlace += along * 0.35 * r * sin(3.0 * place.y + 1.3) * (s > 0.5 * (low + high) ? 1.0 : -1.0);
+  vNormal = normalize(outward - along * (dm.w / max(length(dm.xyz), 1e-3)));
+  for (int k = 0; k < 2; k++) if (uDent[k].w > 0.0) {
+    vec3 w = vPlace - uDent[k].xyz;
+    float near = exp(-dot(w, w) / 14.0) * min(uDent[k].w, 0.45 * m.w);
+    vPlace -= near * outward;
+    vNormal = normalize(vNormal + 0.30 * near * normalize(w + 1e-3));
+  }
+  vAlong = along;
+  vOn = vec2(mm, place.y * max(m.w, 0.8));
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(vPlace, 1.0);
+}

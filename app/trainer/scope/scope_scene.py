@@ -1,0 +1,223 @@
+"""The scene of an anatomy: its picture through a scope, and what mouse and fingers do there."""
+
+import math
+from typing import Protocol, get_args
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from app.simulation import TROCARS, Instrument, Reading, Session, Trocar
+from app.trainer.scope.held_scope import HeldScope
+from app.trainer.scope.near_place import wall_offset
+from app.trainer.scope.packing import DrawnHand, Well
+from app.trainer.scope.picture import ScopePicture
+from app.trainer.stage.lighting import Look
+from app.trainer.viser_bridge.page import run_function
+from app.trainer.viser_bridge.private_api import page_number
+
+__all__ = ["ScopeScene"]
+
+Floats = NDArray[np.float64]
+
+INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
+# mm/s at most of what is drawn to flow out of one hole: more would flood the picture at once.
+MOST_RATE = 1200.0
+JAWS_APART = 3.0
+"""mm between the ends of jaws that hold a wall."""
+
+
+class Led(Protocol):
+    """What the pointer in the picture leads: the active hand, or the scope."""
+
+    @property
+    def hand(self) -> int:
+        """Number of the active hand."""
+        ...
+
+    leads_scope: bool
+    """Whether the pointer leads the scope."""
+
+    def lead_hand(self, place: Floats) -> None:
+        """Lead the active hand's tip to a place, (3,) mm."""
+        ...
+
+    def use_instrument(self) -> None:
+        """Do what the active hand's instrument does: take hold or let go, open or close."""
+        ...
+
+    def move_scope(self, pan: float, tilt: float, depth: float, cable: float) -> None:
+        """Move the scope, rad and mm."""
+        ...
+
+
+class ScopeScene:
+    """One client's picture of its session's anatomy through a scope.
+
+    The look is "plain" for slow machines. What the pointer does goes to `led`.
+    """
+
+    def __init__(
+        self, client: viser.ClientHandle, session: Session, look: Look, scope: HeldScope, led: Led
+    ) -> None:
+        self._client, self._session, self._look = client, session, look
+        self._held, self._led = scope, led
+        client.scene.set_up_direction("+z")
+        client.scene.configure_default_lights(False)
+        self._picture: ScopePicture | None = None
+        self._drawn_with = -1.0  # the angle of the scope that the page has
+        self._leads: int | None = None
+        self._frame = client.scene.add_frame("/scope", show_axes=False)
+        self._told: viser.GuiTextHandle | None = None
+        self.draw(session.reading())
+
+    def watch(self, session: Session) -> None:
+        """Show another session of the same anatomy from the next `draw` on."""
+        self._session = session
+
+    def set_look(self, look: Look) -> None:
+        """Use another look from the next `draw` on."""
+        if look != self._look:
+            self._look = look
+            self._clear()
+
+    def advance(self, ticks: int) -> bool:
+        """Let the assistant follow the tips for some ticks; return whether the scope has moved."""
+        tips = [hand.place for hand in self._session.spatial.hands]
+        moved = [self._held.advance(tips) for _ in range(ticks)]
+        return any(moved)
+
+    def draw(
+        self,
+        reading: Reading,
+        colours: object = "tissue",
+        *,
+        figures: bool = True,
+        overlay: bool = False,
+    ) -> None:
+        """Draw the session as it is now: as the camera sees it, without colours or figures."""
+        spatial = self._session.spatial
+        picture = self._set_picture()
+        torn = [(tube, each) for tube, each in enumerate(spatial.torn_elements) if each >= 0]
+        pose = self._held.pose
+        picture.send(spatial.beam, pose, self._hands(), self._wells(), self._clips(), torn)
+        leads = -1 if self._led.leads_scope else self._led.hand
+        if self._told is not None and leads != self._leads:
+            self._leads = leads
+            number = page_number(self._told)
+            run_function(self._client.scene, "bluntdissectScope.lead", number, leads)
+
+    def say_standing(self, *, figures: bool) -> None:
+        """Nothing is written into the picture of a camera."""
+
+    def lead_into_picture(self, into: bool) -> None:
+        """Leave it to the wheel, which goes into the picture; drags never do."""
+
+    def let_drag(self, grabbed: object, moved: object, released: object) -> None:
+        """Let mouse and fingers in the picture lead what `led` does."""
+        # What the page tells of the pointer; nobody sees it.
+        self._told = told = self._client.gui.add_text("Pointer", "", visible=False)
+        self._leads = None
+
+        @told.on_update
+        async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
+            self.take(told.value)
+
+    def frame_camera(self) -> None:
+        """Give the scope back to the assistant, who looks at the triangle."""
+        self._held.home()
+
+    def remove(self) -> None:
+        """Remove everything from the scene."""
+        self._clear()
+        self._frame.remove()
+
+    def take(self, told: str) -> None:
+        """Take what the page tells of the pointer; what is malformed is ignored."""
+        kind, numbers = _read(told)
+        if kind == "move" and len(numbers) == 3:
+            self._led.lead_hand(np.array(numbers))
+        elif kind == "act" and not numbers:
+            self._led.use_instrument()
+        elif kind == "scope" and len(numbers) == 4:
+            self._led.move_scope(*numbers)
+
+    def _set_picture(self) -> ScopePicture:
+        """Return the picture, made anew for another scope or look."""
+        scope = self._held.scope
+        if scope.angle != self._drawn_with:
+            self._clear()
+        if self._picture is None:
+            self._drawn_with = scope.angle
+            self._picture = ScopePicture(
+                self._client.scene,
+                self._held.made,
+                self._session.spatial.beam,
+                scope=scope,
+                trocars=TROCARS,
+                instruments=INSTRUMENTS,
+                plain=self._look == "plain",
+            )
+            self._leads = None
+        return self._picture
+
+    def _clear(self) -> None:
+        if self._picture is not None:
+            self._picture.remove()
+            self._picture = None
+
+    def _hands(self) -> list[DrawnHand]:
+        spatial = self._session.spatial
+        out: list[DrawnHand] = []
+        for number, hand in enumerate(spatial.hands):
+            holds = hand.node is not None
+            # It holds the wall, not the axis.
+            x, y, z = (float(each) for each in hand.place + wall_offset(spatial, number))
+            opening = JAWS_APART if holds else hand.opening
+            out.append(
+                DrawnHand(
+                    INSTRUMENTS.index(hand.instrument),
+                    (x, y, z),
+                    opening,
+                    _roll(TROCARS[number], hand.place),
+                    holds,
+                )
+            )
+        return out
+
+    def _wells(self) -> list[Well]:
+        """Return where blood and bile flow out."""
+        spatial = self._session.spatial
+        out: list[Well] = []
+        for fluid, flow in spatial.fluids.items():
+            for hole in flow.holes:
+                if hole.flow > 0.0:
+                    x, y, z = (float(each) for each in spatial.beam.places[hole.node])
+                    rate = min(hole.flow, MOST_RATE)
+                    out.append(Well((x, y, z), rate, fluid == "bile"))
+        return out
+
+    def _clips(self) -> list[tuple[int, float]]:
+        return []
+
+
+def _read(told: str) -> tuple[str, list[float]]:
+    """Return the kind and the numbers of what a page tells; no kind where it is malformed."""
+    parts = told.split(" ", 7)[1:]  # the first counts, so that no two are alike
+    try:
+        numbers = [float(each) for each in parts[1:]]
+    except ValueError:
+        return "", []
+    if not parts or not all(map(math.isfinite, numbers)):
+        return "", []
+    return parts[0], numbers
+
+
+def _roll(trocar: Trocar, tip: Floats) -> float:
+    """Return how an instrument is turned about its shaft so that its jaws part along x, rad."""
+    back = trocar.shaft(tip)
+    level = np.cross((0.0, 0.0, 1.0), back)
+    level = level / math.sqrt(float((level * level).sum()))
+    over = np.cross(back, level)
+    # The jaws part along over cos(roll) - level sin(roll).
+    return math.atan2(-float(level[0]), float(over[0]))

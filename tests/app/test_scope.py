@@ -1,0 +1,192 @@
+"""The scope and the instruments in their trocars, the assistant, and what a frame holds."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.anatomy import AnatomyNetwork, anatomy_named, anatomy_network, shipped_anatomies
+from app.simulation import TROCARS, Trocar
+from app.simulation.trocar import DEEPEST, LENGTH
+from app.trainer.scope.assistant import INNER, SPEED, Assistant
+from app.trainer.scope.held_scope import HOME, OUTSIDE, UP, WAY, HeldScope
+from app.trainer.scope.near_place import near_place
+from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Packing, Well
+from app.trainer.scope.pose import OBLIQUE, Laparoscope, Pose
+from app.trainer.scope.surroundings import film_runs, floor_under, strand_table, working_place
+
+TARGET = np.array([44.0, 8.0, 0.0])
+angles = st.floats(-1.0, 1.0)
+ways = st.floats(-math.pi, math.pi)
+
+
+def scope(angle: float = 0.0) -> Laparoscope:
+    """Return a scope before the triangle."""
+    straight = Laparoscope.towards(TARGET, WAY, UP, outside=OUTSIDE)
+    return Laparoscope(straight.pivot, straight.base, angle)
+
+
+@given(angles, angles, st.floats(20.0, 200.0), ways, ways, st.sampled_from([0.0, OBLIQUE]))
+@settings(deadline=None, max_examples=200)
+def test_the_shaft_passes_the_trocar(
+    pan: float, tilt: float, depth: float, cable: float, head: float, angle: float
+) -> None:
+    """Found from the camera alone, the shaft passes its pivot (0.01 mm is asked)."""
+    held = scope(angle)
+    camera = held.camera(Pose(pan, tilt, depth, cable, head))
+    assert camera.axes.T @ camera.axes == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(camera.axes) == pytest.approx(1.0, abs=1e-12)
+    seen = np.array([math.sin(cable - head), math.cos(cable - head), 0.0])
+    turned = np.cross([0.0, 0.0, -1.0], seen)
+    # The shaft is the optical axis turned back about an axis that the camera's own frame knows.
+    back = np.array([0.0, 0.0, -1.0]) * math.cos(angle)
+    back -= np.cross(turned, [0.0, 0.0, -1.0]) * math.sin(angle)
+    shaft = camera.axes @ back
+    off = held.pivot - camera.tip
+    assert np.linalg.norm(off - (off @ shaft) * shaft) < 1e-9
+    assert math.acos(min(1.0, -camera.axes[:, 2] @ camera.shaft)) == pytest.approx(angle, abs=1e-7)
+
+
+def test_turning_the_cable_swings_the_view_and_leaves_the_horizon() -> None:
+    """Of an oblique scope: by 4.1 degrees at most of apparent roll; the head alone rolls it."""
+    held = scope(OBLIQUE)
+    rolls = [abs(held.roll(Pose(cable=math.radians(c)))) for c in range(0, 360, 15)]
+    assert max(rolls) == pytest.approx(math.radians(4.11), abs=math.radians(0.05))
+    assert rolls[0] == pytest.approx(0.0, abs=1e-12)
+    assert held.roll(Pose(head=0.3)) == pytest.approx(-0.3, abs=1e-12)
+
+
+@given(st.floats(-14, 14), st.floats(-14, 14), st.floats(-8, 8), st.floats(45, 90), ways)
+@settings(deadline=None, max_examples=40)
+def test_look_has_the_target_in_the_middle(
+    x: float, y: float, z: float, distance: float, cable: float
+) -> None:
+    """At its distance, with a level horizon, for either scope."""
+    for angle in (0.0, OBLIQUE):
+        held, target = scope(angle), TARGET + np.array([x, y, z])
+        pose = held.look(target, distance, Pose(depth=150.0, cable=cable))
+        camera = held.camera(pose)
+        assert camera.tip - distance * camera.axes[:, 2] == pytest.approx(target, abs=1e-9)
+        assert held.roll(pose) == pytest.approx(0.0, abs=1e-9)
+        assert camera.seen(target) == pytest.approx((0.0, distance), abs=1e-9)
+
+
+def test_the_assistant_follows_tips_and_never_jumps() -> None:
+    """Both tips come into the picture's inner part; no tick moves what is seen by much."""
+    held = scope()
+    assistant = Assistant(held, Pose(depth=OUTSIDE - HOME), TARGET, HOME)
+    tips = [TARGET + np.array([4.0, 45.0, 6.0]), TARGET + np.array([-10.0, 25.0, 0.0])]
+    before = held.camera(assistant.pose)
+    assert max(before.seen(tip)[0] for tip in tips) > 1.0
+    for _ in range(600):
+        pose = assistant.follow(tips, 1 / 30)
+        camera = held.camera(pose)
+        # Where the optical axis was, HOME mm away, moves no faster than the assistant may.
+        moved = (camera.tip - HOME * camera.axes[:, 2]) - (before.tip - HOME * before.axes[:, 2])
+        assert np.linalg.norm(moved) < 2.5 * SPEED / 30
+        assert held.roll(pose) == pytest.approx(0.0, abs=1e-9)
+        before = camera
+    assert max(before.seen(tip)[0] for tip in tips) < INNER + 0.1
+    # Tips in the inner part leave the scope where it is.
+    middle, still = before.tip - HOME * before.axes[:, 2], assistant.pose
+    assert assistant.follow([middle, middle], 1 / 30) == still
+
+
+@given(st.floats(-60, 60), st.floats(-60, 60), st.floats(-20, 40), st.sampled_from(TROCARS))
+@settings(deadline=None, max_examples=100)
+def test_handle_and_tip_lead_to_each_other(x: float, y: float, z: float, trocar: Trocar) -> None:
+    """Tip, trocar and handle are on one line; across the shaft the fulcrum reverses."""
+    tip = trocar.within(TARGET + np.array([x, y, z]))
+    handle = trocar.handle(tip)
+    assert np.linalg.norm(tip - handle) == pytest.approx(LENGTH, rel=1e-12)
+    assert trocar.tip(handle) == pytest.approx(tip, abs=1e-9)
+    off = trocar.place - tip
+    shaft = trocar.shaft(tip)
+    assert np.linalg.norm(off - (off @ shaft) * shaft) < 1e-9
+    across = np.cross(shaft, [0.0, 0.0, 1.0])
+    across *= 1e-3 / np.linalg.norm(across)
+    moved = trocar.led_by_handle(tip, across) - tip
+    assert moved == pytest.approx(-across, abs=2e-8)  # of the first order in the move
+    into = trocar.led_by_handle(tip, -1e-3 * shaft) - tip
+    assert into == pytest.approx(-1e-3 * shaft, abs=1e-9) or np.linalg.norm(off) > DEEPEST - 1
+
+
+@pytest.fixture(scope="module")
+def made() -> AnatomyNetwork:
+    """The usual anatomy as a network."""
+    return anatomy_network(anatomy_named("normal"))
+
+
+def test_a_frame_is_small_and_says_what_is_known(made: AnatomyNetwork) -> None:
+    """At most 6 kB; places to float32, tautness to a thousandth, and what has parted."""
+    bed = made.on_bed()
+    packing = Packing(bed)
+    parted = np.arange(0, made.strands.count, 7)
+    bed.state.damage[parted] = 1.0
+    hands = [DrawnHand(2, (1.0, 2.0, 3.0), 4.0, 0.5, holds=True)]
+    packing.write(bed, Pose(0.1, 0.2, 90.0), OBLIQUE, hands, [Well((7.0, 8.0, 9.0), 5.0)])
+    assert packing.numbers.nbytes <= 6000
+    flat = packing.numbers.reshape(-1)
+    assert flat[:3].tolist() == np.array([0.1, 0.2, 90.0], np.float32).tolist()
+    assert flat[8:15].tolist() == [1.0, 2.0, 3.0, 4.0, 0.5, 2.0, 1.0]
+    assert flat[21] == -1.0  # there is no second hand
+    assert flat[24:29].tolist() == [7.0, 8.0, 9.0, 5.0, 1.0]
+    count, nodes = made.strands.count, bed.places.shape[0]
+    rows = flat[HEADER : HEADER + NODE_NUMBERS * nodes].reshape(nodes, NODE_NUMBERS)
+    assert rows[:, :3] == pytest.approx(bed.places, rel=1e-6)
+    pairs = flat[HEADER + NODE_NUMBERS * nodes :][: -(-count // 2)].astype(np.int64)
+    codes = np.stack([pairs // 2048, pairs % 2048], axis=1).reshape(-1)[:count]
+    assert np.flatnonzero(codes == 0).tolist() == parted.tolist()
+    strands, order = made.strands, bed.order
+    length = np.linalg.norm(strands.ends - strands.feet, axis=1)
+    longer = length - strands.length
+    scale = np.where(longer > 0.0, strands.failure_elongation, strands.length)
+    taut = np.clip(longer / scale, -0.5, 1.0)[order]
+    whole = codes > 0
+    assert ((codes - 1) / 1000 * 1.5 - 0.5)[whole] == pytest.approx(taut[whole], abs=8e-4)
+
+
+@pytest.mark.parametrize("name", shipped_anatomies())
+def test_what_lies_about_the_tubes(name: str) -> None:
+    """The floor is below all tubes but the gallbladder; films join strands in order."""
+    made = anatomy_network(anatomy_named(name))
+    bed, floor = made.on_bed(), floor_under(made)
+    for tube in made.anatomy.tube:
+        beam = made.network.tubes[tube.name]
+        if tube.kind == "organ":
+            continue
+        for place in beam.places:
+            column = round((place[0] - floor.x0) / floor.cell)
+            row = round((place[1] - floor.y0) / floor.cell)
+            assert floor.heights[row, column] < place[2]
+    table = strand_table(made, bed)
+    ends = bed.strand_ends()[bed.order]
+    at_rest = bed.places[table[:, 0].astype(int)]
+    assert np.linalg.norm(ends - at_rest, axis=1) == pytest.approx(
+        np.linalg.norm(table[:, 1:4], axis=1), abs=1e-9
+    )
+    to_bed = table[:, 4] < 0
+    assert table[to_bed, 5:8] == pytest.approx(made.strands.feet[bed.order][to_bed], abs=1e-9)
+    runs, films = film_runs(made, bed)
+    assert np.unique(runs).size == runs.size <= made.strands.count
+    assert films.size
+    assert films.max() < runs.size
+    assert (films[:, 0] < films[:, 1]).all()
+    held = HeldScope(made)
+    assert held.camera.seen(working_place(made)) == pytest.approx((0.0, HOME), abs=1e-8)
+
+
+def test_jaws_close_on_the_nearest_tube(made: AnatomyNetwork) -> None:
+    """At its station; on none where no wall is near."""
+    bed = made.on_bed()
+    for number, (name, tube) in enumerate(made.network.tubes.items()):
+        nodes, stations = bed.nodes_of(name), bed.stations_of(name)
+        k = nodes.size // 2
+        place = bed.places[nodes[k]] + np.array([0.0, 0.0, tube.radius[k]])
+        found = near_place(bed, place)
+        assert found is not None
+        assert found[0] == number
+        assert found[1] == pytest.approx(stations[k], abs=tube.radius[k])
+    assert near_place(bed, np.array([20.0, -40.0, 30.0])) is None
