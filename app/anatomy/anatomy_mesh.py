@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,17 @@ from app.anatomy.tables import Anatomy, TubeTable
 from organ_geometry import Organ, read_organ, round_organ
 from organ_geometry.mesh import SUFFIXES, Surface, mesh_content, organ_skin
 
+if TYPE_CHECKING:
+    import trimesh
+
 __all__ = ["anatomy_mesh", "mesh_suffix"]
 
 # Of a tube's mean radius: edges of its triangles.
 _EDGE_SHARE = 0.3
+# Of the merged surface: what it may be simplified by.
+_SHORTEST_MM = 1e-3
+# Of the way to a vertex's neighbours, and how often.
+_NUDGE, _ROUNDS = 0.01, 4
 
 
 def mesh_suffix(path: Path, *, merged: bool) -> str:
@@ -80,16 +87,37 @@ def _organ(anatomy: Anatomy, tube: TubeTable, line: TubeLine, folder: Path) -> O
 
 def _merged(surfaces: list[Surface], suffix: str) -> bytes:
     """Return the union of closed surfaces."""
-    import trimesh
-
     if find_spec("manifold3d") is None:
         raise ValueError(
             "surfaces are merged with manifold3d, which is missing: "
             "pip install 'bluntdissect[medical]'"
         )
-    union: Any = trimesh.boolean.union  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType]
-    closed = [trimesh.Trimesh(one.vertices, one.skin.faces, process=False) for one in surfaces]
-    whole = union(closed, engine="manifold")
-    assert isinstance(whole, trimesh.Trimesh)  # noqa: S101
+    import trimesh
+    from manifold3d import Manifold, Mesh64, OpType
+
+    closed = [
+        Manifold(Mesh64(one.vertices.astype(np.float64), one.skin.faces.astype(np.uint64)))
+        for one in surfaces
+    ]
+    union = Manifold.batch_boolean(closed, OpType.Add).simplify(_SHORTEST_MM).to_mesh64()
+    whole = trimesh.Trimesh(union.vert_properties[:, :3], union.tri_verts, process=False)
+    whole.vertices = _told_apart(whole)
     content = whole.export(file_type=suffix.removeprefix("."))  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType,reportCallIssue]
     return content.encode() if isinstance(content, str) else bytes(content)  # pyright: ignore[reportUnknownArgumentType]
+
+
+def _told_apart(mesh: "trimesh.Trimesh") -> NDArray[np.float64]:
+    """Return vertices of which no two are one in the 32 bits of a file.
+
+    Where surfaces nearly touch, such a pair would join them in a point, and the file's surface would
+    be closed no more: each moves a little towards its neighbours.
+    """
+    vertices = np.array(mesh.vertices, dtype=np.float64)
+    for _ in range(_ROUNDS):
+        _, of, counts = np.unique(
+            vertices.astype(np.float32), axis=0, return_inverse=True, return_counts=True
+        )
+        for vertex in np.flatnonzero(counts[of.ravel()] > 1):
+            around = vertices[mesh.vertex_neighbors[vertex]].mean(axis=0)
+            vertices[vertex] += _NUDGE * (around - vertices[vertex])
+    return vertices

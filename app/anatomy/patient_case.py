@@ -133,9 +133,10 @@ def named_labels(volume: LabelVolume, names: Path | None) -> dict[int, NamedLabe
         where = str(names)
         if not found:
             raise ValueError(f"{where} names no label")
+    present = volume.labels
     for label, named in found.items():
-        if label not in volume.labels:
-            listed = ", ".join(map(str, volume.labels)) or "none"
+        if label not in present:
+            listed = ", ".join(map(str, present)) or "none"
             raise ValueError(
                 f"{where} names label {label} ({named.name}), which {volume.source} does not have; "
                 f"it has {listed}"
@@ -185,7 +186,8 @@ def patient_case(
     """
     kinds: dict[str, TubeKind] = {}
     tubes: dict[int, str] = {}
-    left_out = [f"label {label}" for label in volume.labels if label not in names]
+    sizes = volume.label_sizes()
+    left_out = [f"label {label}" for label in sizes if label not in names]
     for label, named in names.items():
         role = named.role
         if role == "shown":
@@ -194,7 +196,6 @@ def patient_case(
             tubes[label] = _stem(named.name)
             kinds[tubes[label]] = role
     # Ducts first, then by size: the first tube is the one that others join.
-    sizes = {label: int((volume.values == label).sum()) for label in tubes}
     order = sorted(tubes, key=lambda label: (kinds[tubes[label]] != "duct", -sizes[label]))
     found = tubes_of_labels(volume, {label: tubes[label] for label in order}, progress=progress)
     # Branches of a label, which are tubes of their own, are of its kind.

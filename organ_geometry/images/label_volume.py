@@ -4,7 +4,8 @@ Voxels are turned so that their axes run nearest to LPS, whichever way they were
 """
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,32 @@ class LabelVolume:
     @property
     def labels(self) -> tuple[int, ...]:
         """Labels that some voxel has, but 0."""
-        return tuple(int(label) for label in np.unique(self.values) if label != 0)
+        return tuple(self.label_sizes())
+
+    def label_sizes(self) -> dict[int, int]:
+        """Return how many voxels each label has, without 0."""
+        labels, counts = np.unique(self.values, return_counts=True)
+        return {
+            int(label): int(count)
+            for label, count in zip(labels, counts, strict=True)
+            if label != 0
+        }
+
+    def around(self, labels: Iterable[int], margin: int) -> "LabelVolume":
+        """Return the part of the volume that holds some labels, and so many voxels around it."""
+        there = np.isin(self.values, list(labels))
+        box: list[slice] = []
+        for axis in range(3):
+            held = np.flatnonzero(there.any(axis=tuple({0, 1, 2} - {axis})))
+            if not len(held):
+                return self
+            box.append(slice(max(int(held[0]) - margin, 0), int(held[-1]) + 1 + margin))
+        first = np.array([each.start for each in box][::-1])
+        return replace(
+            self,
+            values=np.ascontiguousarray(self.values[tuple(box)]),
+            origin=self.places(first[np.newaxis])[0],
+        )
 
     def places(self, indices: NDArray[Any]) -> NDArray[np.float64]:
         """Return (N, 3) LPS places, mm, of (N, 3) indices I, J, K, whole or not."""

@@ -50,6 +50,8 @@ _TOUCH_RADII, _TOUCH_SHARE, _FROM_ENDS_RADII = 2.0, 0.04, 2.5
 # A part left out of a tube, in cubed radii, so far outside its wall, in radii: a branch.
 _BRANCH_VOLUME, _BRANCH_RADII = 2.0, 0.6
 _RAISES = 3  # of how near an organ is kept, where that cannot be
+# Voxels around the tubes that are looked at: where there are none, the volume ends.
+_MARGIN = 10
 _THIN_VOXELS = 2.5  # of radius: a thinner tube is said
 
 
@@ -121,6 +123,7 @@ def tubes_of_labels(
     """
     if not names:
         raise ImageStackError(f"none of the labels of {volume.source} is named as a tube")
+    volume = volume.around(names, _MARGIN)
     voxel = float(volume.sizes.prod() ** (1.0 / 3.0))
     counted = itertools.count(1)
 
