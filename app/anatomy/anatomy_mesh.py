@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +99,7 @@ def _merged(surfaces: list[Surface], suffix: str) -> bytes:
         Manifold(Mesh64(one.vertices.astype(np.float64), one.skin.faces.astype(np.uint64)))
         for one in surfaces
     ]
-    union = Manifold.batch_boolean(closed, OpType.Add).simplify(_SHORTEST_MM).to_mesh64()
+    union: Any = Manifold.batch_boolean(closed, OpType.Add).simplify(_SHORTEST_MM).to_mesh64()
     whole = trimesh.Trimesh(union.vert_properties[:, :3], union.tri_verts, process=False)
     whole.vertices = _told_apart(whole)
     content = whole.export(file_type=suffix.removeprefix("."))  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType,reportCallIssue]
@@ -107,11 +107,8 @@ def _merged(surfaces: list[Surface], suffix: str) -> bytes:
 
 
 def _told_apart(mesh: "trimesh.Trimesh") -> NDArray[np.float64]:
-    """Return vertices of which no two are one in the 32 bits of a file.
-
-    Where surfaces nearly touch, such a pair would join them in a point, and the file's surface would
-    be closed no more: each moves a little towards its neighbours.
-    """
+    """Return vertices of which no two are one in the 32 bits of a file: each moves a little."""
+    # Such a pair, where surfaces nearly touch, would join them in a point.
     vertices = np.array(mesh.vertices, dtype=np.float64)
     for _ in range(_ROUNDS):
         _, of, counts = np.unique(

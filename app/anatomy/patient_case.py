@@ -4,6 +4,7 @@ The anatomy's frame has x to the head, y to the patient's right and z to the fro
 the first tube does. What labels do not tell, walls, strengths and tissue, is assumed by kind.
 """
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -53,6 +54,9 @@ Floats = NDArray[np.float64]
 
 MOST_BYTES = 1_000_000
 """Size of a file of names."""
+_LONGEST_NAME, _NO_NAME = 100, '/\\:*?"<>|'  # of a file, on any system
+_SLACK = 0.95  # on the range of what sizes are usual
+_LEAST_MM = 5.0  # A volume of a person's tubes is no shorter.
 _HEPATIC_ARTERY = "right_hepatic_artery"
 # What is tried of a cystic artery's course: origins along the hepatic artery from the nearest, and
 # its least length, of the distance.
@@ -114,26 +118,39 @@ def named_labels(volume: LabelVolume, names: Path | None) -> dict[int, NamedLabe
     ValueError
         If nothing is named, a name stands twice, or a named label is not in the volume.
     """
+    present = volume.labels
     if names is None:
-        found = {label: NamedLabel(name) for label, name in volume.names.items()}
+        # Segments may be empty, as those of a template that nobody has drawn.
+        found = {
+            label: NamedLabel(name) for label, name in volume.names.items() if label in present
+        }
         where = str(volume.source)
         if not found:
-            listed = ", ".join(map(str, volume.labels))
+            listed = ", ".join(map(str, present)) or "it has none"
             raise ValueError(
                 f"{where} names none of its labels ({listed}): give their names with --names, a "
                 f'JSON file as {{"1": "common duct", "2": "cystic duct"}}'
             )
     else:
         content = read_bounded(names, MOST_BYTES, "file of names")
-        table = decoded(msgspec.json.decode, content, dict[int, str | NamedLabel], str(names))
+        table = decoded(msgspec.json.decode, content, dict[str, str | NamedLabel], str(names))
+        written: list[tuple[str, object]] = json.loads(content, object_pairs_hook=list)
+        for label, _ in written:
+            if len(written) > len(table) and [each for each, _ in written].count(label) > 1:
+                raise ValueError(f"{names} names label {label} twice")
+            if not label.isdecimal():
+                raise ValueError(
+                    f'{names} names {label!r}, which is no label: labels are whole numbers, as "1"'
+                )
+        # 0 is what is of no label, and some write its name.
         found = {
-            label: NamedLabel(name) if isinstance(name, str) else name
+            int(label): NamedLabel(name) if isinstance(name, str) else name
             for label, name in table.items()
+            if int(label) != 0
         }
         where = str(names)
         if not found:
             raise ValueError(f"{where} names no label")
-    present = volume.labels
     for label, named in found.items():
         if label not in present:
             listed = ", ".join(map(str, present)) or "none"
@@ -141,8 +158,17 @@ def named_labels(volume: LabelVolume, names: Path | None) -> dict[int, NamedLabe
                 f"{where} names label {label} ({named.name}), which {volume.source} does not have; "
                 f"it has {listed}"
             )
-        if not named.name.strip() or "/" in named.name or "\\" in named.name:
-            raise ValueError(f"label {label} needs a name that can be a file's, not {named.name!r}")
+        stem = _stem(named.name)
+        if (
+            not stem.isprintable()
+            or not 0 < len(stem.encode()) <= _LONGEST_NAME
+            or stem.startswith(".")
+            or set(stem) & set(_NO_NAME)
+        ):
+            raise ValueError(
+                f"label {label} needs a name that can be a file's, up to {_LONGEST_NAME} bytes "
+                f"long, not {named.name[:_LONGEST_NAME]!r}"
+            )
     stems = [_stem(named.name) for named in found.values()]
     for label, stem in zip(found, stems, strict=True):
         if stems.count(stem) > 1:
@@ -184,10 +210,17 @@ def patient_case(
     ValueError
         If a label is no tube, a kind is not known, or nothing is left.
     """
+    longest = float((volume.sizes * volume.values.shape[::-1]).max())
+    if longest < _LEAST_MM:
+        raise ValueError(
+            f"{volume.source} is {longest:.2g} mm long, which looks like a slip of the unit: a "
+            f"voxel would be {float(volume.sizes.max()):.2g} mm"
+        )
     kinds: dict[str, TubeKind] = {}
     tubes: dict[int, str] = {}
     sizes = volume.label_sizes()
     left_out = [f"label {label}" for label in sizes if label not in names]
+    left_out += [f"{name}, empty" for label, name in volume.names.items() if label not in sizes]
     for label, named in names.items():
         role = named.role
         if role == "shown":
@@ -201,7 +234,9 @@ def patient_case(
     # Branches of a label, which are tubes of their own, are of its kind.
     kinds = {tube.name: kinds[tubes[tube.label]] for tube in found.tubes}
     anatomy = _anatomy(volume, found, kinds, name)
-    doubts = [*found.doubts, *_mirrored(found, kinds)]
+    doubts = [
+        *found.doubts, *_alone(anatomy, kinds), *_unusual(found), *_mirrored(found, kinds)
+    ]  # fmt: skip
     if not any("cystic" in tube and kinds[tube] == "artery" for tube in kinds):
         if draw_artery:
             anatomy = with_cystic_artery(anatomy)
@@ -422,6 +457,40 @@ def _layers(anatomy: Anatomy, lines: dict[str, TubeLine]) -> list[LayerTable]:
                     )
                 )
     return layers
+
+
+def _alone(anatomy: Anatomy, kinds: dict[str, TubeKind]) -> list[str]:
+    """Return a doubt for each tube of bile that joins no other."""
+    bile = [name for name, kind in kinds.items() if kind in ("duct", "organ")]
+    joined = {name for join in anatomy.join for name in (join.tube, join.to)}
+    return [
+        f"{name} joins no other tube: its label may end too early"
+        for name in bile
+        if len(bile) > 1 and name not in joined
+    ]
+
+
+def _unusual(found: LabelTubes) -> list[str]:
+    """Return a doubt for each size outside the range that cases are drawn from."""
+    doubts: list[str] = []
+    for tube in found.tubes:
+        organ = tube.built.organ
+        at = np.linspace(0.0, organ.length, 50)
+        widths = 2.0 * np.sqrt(organ.section_properties(at).area / np.pi)
+        # An organ's diameter is its widest, a tube's that of most of it.
+        width = float(widths.max() if tube.name == "gallbladder" else np.median(widths))
+        sizes = frequencies().size
+        measured = {"length": ("long", organ.length), "diameter": ("wide", width)}
+        for what, (word, value) in measured.items():
+            size = sizes.get(f"{tube.name}_{what}_mm")
+            # A tube that the volume ends in is longer.
+            low = 0.0 if size is None or (what == "length" and any(tube.cut)) else size.low
+            if size is not None and not _SLACK * low <= value <= size.high / _SLACK:
+                doubts.append(
+                    f"{tube.name} is {value:.1f} mm {word}, and {size.low:g} to {size.high:g} mm "
+                    f"are usual"
+                )
+    return doubts
 
 
 def _mirrored(found: LabelTubes, kinds: dict[str, TubeKind]) -> list[str]:

@@ -142,7 +142,10 @@ def _from_labels(
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"cannot write into {folder}: it is a file; give a folder")
     if figure is not None:
+        from app.anatomy.figure import figure_kind
+
         check_target(figure)
+        figure_kind(figure)
     volume = read_labels(labels)
     named = named_labels(volume, names)
     with progress_bar("Finding tubes") as progress:

@@ -26,6 +26,8 @@ __all__ = ["LabelVolume", "read_labels"]
 
 # More labels than these are grey levels.
 _MOST_LABELS = 4096
+# How far axes may be from perpendicular: what files round.
+_SKEW = 1e-3
 # What 3D Slicer writes of each segment into a NRRD file's header.
 _SEGMENT = re.compile(r"Segment(\d+)_(Name|LabelValue|Layer)$")
 
@@ -123,7 +125,7 @@ def read_labels(path: Path) -> LabelVolume:
 
 def _one_file(path: Path) -> LabelVolume:
     values, header = _voxels(path)
-    segments = _segments(header.tags)
+    segments = _segments(path, header.tags)
     if values.ndim == 3:
         names = {value: name for name, value, _ in segments}
         return _turned(path, values, header, names)
@@ -192,17 +194,32 @@ def _voxels(path: Path) -> tuple[NDArray[np.int32], MedicalHeader]:
     return whole.astype(np.int32), header
 
 
-def _segments(tags: dict[str, str]) -> list[tuple[str, int, int]]:
+def _segments(path: Path, tags: dict[str, str]) -> list[tuple[str, int, int]]:
     """Return name, label and layer of each segment that a header names."""
     found: dict[int, dict[str, str]] = {}
     for key, value in tags.items():
         if (match := _SEGMENT.match(key)) is not None:
             found.setdefault(int(match[1]), {})[match[2]] = value
-    return [
-        (segment["Name"], int(segment.get("LabelValue", "1")), int(segment.get("Layer", "0")))
-        for _, segment in sorted(found.items())
-        if "Name" in segment
-    ]
+    segments: list[tuple[str, int, int]] = []
+    for _, segment in sorted(found.items()):
+        if "Name" not in segment:
+            continue
+        name = segment["Name"]
+        for key in ("LabelValue", "Layer"):
+            if not segment.get(key, "0").isdecimal():
+                raise ImageStackError(
+                    f"segment {name!r} of {path} has {key} {segment[key]!r}: it must be a whole "
+                    f"number"
+                )
+        label, layer = int(segment.get("LabelValue", "1")), int(segment.get("Layer", "0"))
+        for other, *same in segments:
+            if same == [label, layer]:
+                raise ImageStackError(
+                    f"segments {other!r} and {name!r} of {path} are the same label {label}: each "
+                    f"segment of a layer has its own"
+                )
+        segments.append((name, label, layer))
+    return segments
 
 
 def _of_masks(
@@ -228,6 +245,11 @@ def _turned(
     # From I, J, K to the array's axes, which run the other way round.
     values = values.transpose([2 - order[2 - axis] for axis in range(3)])
     axes, sizes = axes[:, order], sizes[order]
+    if np.abs(axes.T @ axes - np.eye(3)).max() > _SKEW:
+        raise ImageStackError(
+            f"the axes of {source} are not perpendicular ({list_text(np.round(axes, 2).ravel())}), "
+            f"as of slices at a tilt: resample it first"
+        )
     for axis in range(3):
         if axes[axis, axis] < 0.0:
             count = values.shape[2 - axis]

@@ -50,6 +50,7 @@ _TOUCH_RADII, _TOUCH_SHARE, _FROM_ENDS_RADII = 2.0, 0.04, 2.5
 # A part left out of a tube, in cubed radii, so far outside its wall, in radii: a branch.
 _BRANCH_VOLUME, _BRANCH_RADII = 2.0, 0.6
 _RAISES = 3  # of how near an organ is kept, where that cannot be
+_OPEN_SHARE = 0.02  # of a tube's side, beyond the volume
 # Voxels around the tubes that are looked at: where there are none, the volume ends.
 _MARGIN = 10
 _THIN_VOXELS = 2.5  # of radius: a thinner tube is said
@@ -137,7 +138,7 @@ def tubes_of_labels(
     volume, names, raw = split.volume, split.names, split.axes
     doubts = list(split.doubts)
     joins, nearly = found_joins(volume, raw)
-    order, joins = parents_first(list(names.values()), joins)
+    order, joins, rings = parents_first(list(names.values()), joins)
     by_name = {axis.name: axis for axis in raw.values()}
     led: dict[str, TubeAxis] = {}
     made: dict[str, LabelTube] = {}
@@ -150,6 +151,7 @@ def tubes_of_labels(
         to = {join.end: led[join.to] for join in joins if join.tube == name}
         led[name] = _led(axis, goals, to, foreign, voxel)
         doubts += _branches(volume, led[name], voxel)
+        doubts += _open_sides(volume, axis)
         if axis.radius < _THIN_VOXELS * voxel:
             doubts.append(
                 f"{name} is {2.0 * axis.radius / voxel:.1f} voxels thick: its radius may be a "
@@ -162,7 +164,7 @@ def tubes_of_labels(
         if axis.voxels.label == label:
             done()
     placed = tuple(_placed(join, led) for join in joins)
-    return LabelTubes(tuple(made.values()), placed, tuple(touches), (*doubts, *nearly))
+    return LabelTubes(tuple(made.values()), placed, tuple(touches), (*doubts, *rings, *nearly))
 
 
 def _placed(join: TubeJoin, led: dict[str, TubeAxis]) -> TubeJoin:
@@ -288,6 +290,27 @@ def _curve(start: Floats, out: Floats, goal: Floats, step: float) -> Floats:
     share = (np.arange(1, count + 1) / count)[:, np.newaxis]
     bend = start + 0.5 * distance * out
     return (1 - share) ** 2 * start + 2 * share * (1 - share) * bend + share**2 * goal
+
+
+def _open_sides(volume: LabelVolume, axis: TubeAxis) -> list[str]:
+    """Return a doubt if the volume ends in a tube's side."""
+    indices = volume.indices(_rim(axis, 0.0).reshape(-1, 3))
+    inside = (indices > -0.5) & (indices < np.array(volume.values.shape[::-1]) - 0.5)
+    beyond = ~inside.all(axis=1).reshape(len(axis.places), -1)
+    # Its ends may stand askew on the volume's side.
+    ends = min(round(_FROM_ENDS_RADII * axis.radius / axis.step), (len(beyond) - 1) // 2)
+    share = float(beyond[ends : len(beyond) - ends].mean())
+    if share < _OPEN_SHARE:
+        return []
+    if share > 0.5:
+        raise ImageStackError(
+            f"label {axis.voxels.label} ({axis.name}) is no tube: the volume ends where most of "
+            f"its side would be"
+        )
+    return [
+        f"{axis.name}: {share:.0%} of its side lie outside the volume, which cuts through it: what "
+        f"is beyond is made up"
+    ]
 
 
 def _is_cut(volume: LabelVolume, place: Floats) -> bool:

@@ -175,12 +175,20 @@ def _one_way(found: list[TubeJoin], tubes: dict[str, TubeAxis]) -> list[TubeJoin
     return list(kept.values())
 
 
-def parents_first(names: list[str], joins: list[TubeJoin]) -> tuple[list[str], list[TubeJoin]]:
-    """Return tubes, each after those it joins, and the joins less the last of every ring."""
+def parents_first(
+    names: list[str], joins: list[TubeJoin]
+) -> tuple[list[str], list[TubeJoin], list[str]]:
+    """Return tubes, each after those it joins, joins less the last of every ring, and doubts."""
     kept: list[TubeJoin] = []
+    doubts: list[str] = []
     for join in joins:
         if not _reaches(kept, join.to, join.tube):
             kept.append(join)
+        else:
+            doubts.append(
+                f"{join.tube} does not join {join.to}, which joins it or what it joins: tubes "
+                f"would be parents of each other"
+            )
     order: list[str] = []
 
     def add(name: str) -> None:
@@ -192,7 +200,7 @@ def parents_first(names: list[str], joins: list[TubeJoin]) -> tuple[list[str], l
 
     for name in names:
         add(name)
-    return order, kept
+    return order, kept, doubts
 
 
 def _reaches(joins: list[TubeJoin], start: str, goal: str) -> bool:

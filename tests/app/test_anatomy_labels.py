@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from drawn_labels import Drawn, drawn_volume, write
+from numpy.typing import NDArray
 from program import refused, run
 from scipy.spatial import KDTree
 
@@ -144,6 +145,57 @@ def test_a_mirrored_volume_is_doubted(tmp_path: Path) -> None:
     assert "may be mirrored" in done.stdout
 
 
+def test_tubes_alone_and_of_unusual_sizes_are_doubted(tmp_path: Path) -> None:
+    body = {
+        1: Drawn((0.0, 0.0, 0.0), (0.0, 0.0, 50.0), 3.0),
+        2: Drawn((0.0, 0.0, 24.0), (-60.0, 0.0, 60.0), 4.0),
+        3: Drawn((-25.0, 0.0, 0.0), (-25.0, 0.0, 25.0), 6.0),
+    }
+    labels = write(drawn_volume(body, 1.0), tmp_path / "labels.nrrd")
+    names = tmp_path / "names.json"
+    names.write_text('{"1": "common duct", "2": "cystic duct", "3": "gallbladder"}')
+    done = run("anatomy", "--labels", labels, "--names", names, "-o", tmp_path / "case")
+    doubts = re.findall(r"^doubt +(.*)$", done.stdout, flags=re.MULTILINE)
+    assert "gallbladder joins no other tube: its label may end too early" in doubts
+    assert any(
+        re.match(r"cystic_duct is [67]\d\.\d mm long, and 6 to 50 mm", one) for one in doubts
+    )
+    assert any(re.match(r"cystic_duct is 7\.\d mm wide, and 1\.6 to 5 mm", one) for one in doubts)
+
+
+def test_a_volume_that_cuts_through_a_tube_s_side_is_doubted(
+    volume: LabelVolume, names: Path, tmp_path: Path
+) -> None:
+    _, _, i = np.nonzero(volume.values == 1)
+    middle = int(np.median(i))
+    half = LabelVolume(
+        volume.source, np.ascontiguousarray(volume.values[:, :, middle - 1 :]), volume.sizes,
+        volume.origin, volume.axes,
+    )  # fmt: skip
+    names.write_text('{"1": "common duct"}')
+    labels = write(half, tmp_path / "half.nrrd")
+    done = run("anatomy", "--labels", labels, "--names", names, "-o", tmp_path / "case")
+    assert re.search(r"common_duct: \d+% of its side lie outside the volume", done.stdout)
+
+
+def test_an_empty_segment_and_the_background_s_name_do_no_harm(
+    volume: LabelVolume, tmp_path: Path
+) -> None:
+    names = {1: "common duct", 9: "cystic duct"}
+    labels = write(
+        LabelVolume(volume.source, volume.values, volume.sizes, volume.origin, volume.axes, names),
+        tmp_path / "labels.seg.nrrd",
+        names=True,
+    )
+    done = run("anatomy", "--labels", labels, "-o", tmp_path / "case")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"left out +cystic duct, empty", done.stdout)
+    (tmp_path / "names.json").write_text('{"0": "background", "1": "common duct"}')
+    more = ["--names", tmp_path / "names.json"]
+    again = run("anatomy", "--labels", labels, *more, "-o", tmp_path / "again")
+    assert again.returncode == 0, again.stderr
+
+
 Inputs = tuple[Path, str | None]
 
 
@@ -211,6 +263,57 @@ def in_two(folder: Path, volume: LabelVolume) -> Inputs:
     return write(broken, folder / "labels.nii.gz"), '{"1": "common duct"}'
 
 
+def stored(
+    change: Callable[[NDArray[np.int32]], Any],
+    text: str | None = '{"1": "duct"}',
+    *,
+    size: float = 1.0,
+    header: dict[str, str] | None = None,
+) -> Callable[..., Inputs]:
+    """A file of the volume's values changed."""
+
+    def make(folder: Path, volume: LabelVolume) -> Inputs:
+        values = np.ascontiguousarray(change(volume.values))
+        image = sitk.GetImageFromArray(values, isVector=False)
+        image.SetSpacing([size] * values.ndim)
+        for key, value in (header or {}).items():
+            image.SetMetaData(key, value)
+        sitk.WriteImage(image, str(folder / "labels.nrrd"))
+        return folder / "labels.nrrd", text
+
+    return make
+
+
+def segments(*named: tuple[str, str]) -> Callable[..., Inputs]:
+    header = {
+        f"Segment{number}_{key}": value
+        for number, pair in enumerate(named)
+        for key, value in zip(("Name", "LabelValue"), pair, strict=True)
+    }
+    return stored(lambda values: values.astype(np.uint8), None, header=header)
+
+
+def tilted(folder: Path, volume: LabelVolume) -> Inputs:
+    """Slices at a tilt, which no turn makes upright."""
+    path, names = stored(lambda values: values.astype(np.uint8))(folder, volume)
+    upright, leaning = b"space directions: (1,0,0)", b"space directions: (1,1,0)"
+    content = path.read_bytes()
+    assert upright in content
+    path.write_bytes(content.replace(upright, leaning))
+    return path, names
+
+
+def four_times(folder: Path, volume: LabelVolume) -> Inputs:
+    images = [sitk.GetImageFromArray(volume.values.astype(np.uint8))] * 4
+    sitk.WriteImage(sitk.JoinSeries(images), str(folder / "labels.nii.gz"))
+    return folder / "labels.nii.gz", '{"1": "duct"}'
+
+
+def no_bytes(folder: Path, volume: LabelVolume) -> Inputs:
+    (folder / "labels.nrrd").write_bytes(b"")
+    return folder / "labels.nrrd", None
+
+
 def test_a_ring_is_doubted(tmp_path: Path, names: Path) -> None:
     k, j, i = np.indices((14, 40, 40))
     away = np.hypot(np.hypot(i - 19.5, j - 19.5) - 9.0, k - 6.5)
@@ -249,6 +352,24 @@ BROKEN: dict[str, tuple[Callable[..., Inputs], str]] = {
     "a tube in two pieces": (in_two, r"2 parts, the second \d"),
     "three voxels": (drawn({1: Drawn((0, 0, 0), (0, 0, 3), 0.6)}, {"1": "duct"}), "voxels"),
     "a ball": (drawn({1: Drawn((0, 0, 0), (0, 0, 7), 4.0)}, {"1": "duct"}), "no tube"),
+    "a volume in time": (four_times, "4 dimensions"),
+    "no bytes": (no_bytes, "damaged, cut short"),
+    "halves": (stored(lambda values: 0.5 * values), "labels are whole numbers"),
+    "a value that is none": (stored(lambda values: np.where(values == 1, np.nan, values)),
+                             "labels are whole numbers"),
+    "numbers below 0": (stored(lambda values: values - 1), "0 and a few numbers above it"),
+    "levels of a CT": (stored(lambda values: np.arange(values.size).reshape(values.shape)),
+                       "0 and a few numbers above it"),
+    "slices at a tilt": (tilted, "not perpendicular.*resample"),
+    "metres for mm": (stored(lambda values: values, size=1e-3), "slip of the unit"),
+    "a label that fills the volume": (stored(np.ones_like), "the volume ends where"),
+    "a segment of no number": (segments(("duct", "one")), "'duct' .*LabelValue 'one'"),
+    "two segments of one label": (segments(("duct a", "1"), ("duct b", "1")), "same label 1"),
+    "empty segments": (segments(("duct", "9")), "names none of its labels"),
+    "a word for a label": (named({"duct": "1"}), "'duct', which is no label"),
+    "a label named twice": (named('{"1": "common duct", "1": "cystic duct"}'), "label 1 twice"),
+    "a name that nobody can read": (named({"1": "duct " + 200 * "x"}), "up to 100 bytes"),
+    "a name that hides its file": (named({"1": ".duct"}), "that can be a file's"),
     "a thread": (drawn({1: Drawn((0, 0, 0), (0, 0, 40), 0.6)}, {"1": "duct"}), "voxels thick"),
 }  # fmt: skip
 
@@ -275,6 +396,7 @@ def test_broken_input_is_refused_in_one_sentence(
         (["normal", "--names", "n.json"], "--names goes with --labels"),
         (["--labels", "a.nrrd", "--seed", 3, "-o", "case"], "--labels or --list"),
         (["--labels", "a.nrrd", "-o", __file__], "it is a file"),
+        (["--labels", "a.nrrd", "-o", "case", "--figure", "a.bmp"], ".png, .svg or .pdf"),
     ],
 )
 def test_wrong_words_are_refused(arguments: list[object], says: str) -> None:
