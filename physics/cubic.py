@@ -1,6 +1,7 @@
 """The thesis's cubic Rayleigh beam (5.1 to 5.20), for a grasp anywhere between the clamps."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
 
@@ -35,6 +36,7 @@ class Cubic:
 
     q: float | Literal["fitted"] = 0.5
     name: ClassVar[str] = "cubic"
+    takes_all_sections: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if isinstance(self.q, str):
@@ -42,6 +44,11 @@ class Cubic:
                 raise ValueError(f"q must be a number or 'fitted', got {self.q!r}")
         elif finite(self.q, "q", "(no unit)") < 0.0:
             raise ValueError(f"q must be 0 or above, got {self.q}")
+
+    @property
+    def options(self) -> Mapping[str, object]:
+        """What `theory_named` takes beside the name."""
+        return {"q": self.q}
 
     def stiffness(self, beam: Beam, grasp: float, deflection: float = 0.0) -> tuple[float, float]:
         """Return k1, N/mm, and k3, N/mm^3, of F = k1 delta + k3 delta^3."""

@@ -1,6 +1,7 @@
 """The thesis's reference (chapter 3): finite elements that follow large rotations."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -31,10 +32,16 @@ class Fem:
     # derives from none once elements stretch
     energetic: bool = False
     name: ClassVar[str] = "fem"
+    takes_all_sections: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if int(self.elements) != self.elements or self.elements < 1:
             raise ValueError(f"elements must be a whole number above 0, got {self.elements}")
+
+    @property
+    def options(self) -> Mapping[str, object]:
+        """Nothing: `theory_named` takes it by its name alone."""
+        return {}
 
     def pull(self, beam: Beam, grasp: float) -> "FemPull":
         """Return a beam at rest, grasped at a distance from the first clamp, mm."""

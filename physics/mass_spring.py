@@ -1,5 +1,6 @@
 """The mass-spring chain at rest, called as the other theories are."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -32,6 +33,7 @@ class MassSpring:
     # settled; 1e-9 settles the deflection to 2e-7 of itself
     tolerance: float = 1e-9
     name: ClassVar[str] = "mass-spring"
+    takes_all_sections: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         positive(self.tolerance, "tolerance", "(no unit)")
@@ -48,6 +50,11 @@ class MassSpring:
             density=self.density,
             damping_ratio=self.damping_ratio,
         )
+
+    @property
+    def options(self) -> Mapping[str, object]:
+        """Nothing: `theory_named` takes it by its name alone."""
+        return {}
 
     def pull(self, beam: Beam, grasp: float) -> "MassSpringPull":
         """Return a beam at rest, grasped at a distance from the first clamp, mm."""

@@ -1,6 +1,7 @@
 """The thesis's string for very large deflections of thin beams (5.21 to 5.25)."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -26,6 +27,12 @@ class TautString:
     """
 
     name: ClassVar[str] = "string"
+    takes_all_sections: ClassVar[bool] = False
+
+    @property
+    def options(self) -> Mapping[str, object]:
+        """Nothing: `theory_named` takes it by its name alone."""
+        return {}
 
     def pull(self, beam: Beam, grasp: float) -> "StringPull":
         """Return a beam at rest, grasped at a distance from the first clamp, mm."""

@@ -1,6 +1,6 @@
 """The one way to call a theory of a pulled beam, whichever it is."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Literal, Protocol, get_args
 
 from physics.beam import Beam
@@ -21,6 +21,12 @@ class Theory(Protocol):
     """A way to find the equilibria of a beam pulled across its axis at one place."""
 
     name: ClassVar[str]  # as on the command line
+    takes_all_sections: ClassVar[bool]  # not the weakest alone, where sections vary along a beam
+
+    @property
+    def options(self) -> Mapping[str, object]:
+        """What `theory_named` takes beside the name, by keyword."""
+        ...
 
     def pull(self, beam: Beam, grasp: float) -> Pull:
         """Return a beam at rest, grasped at a distance from the first clamp, mm."""

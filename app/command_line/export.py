@@ -18,20 +18,14 @@ from app.command_line.load import (
     TheoryName,
     chosen_theory,
     organ_from,
-    theory_options,
     with_law,
 )
 from app.command_line.shared_options import options_of
 
 if TYPE_CHECKING:
-    from app.export.bed_export import BedExport
-    from app.export.organ_export import OrganExport
-    from app.export.pull_export import PullExport
+    from app.export.organ_export import ExportResult, OrganExport
 
 __all__ = ["export"]
-
-# Of the last step, as `solve --bed` names them.
-BED_FACTS = ("freed_mm", "strands_parted", "work_mJ", "distance_to_break_percent")
 
 
 @options_of(BedOptions)
@@ -132,7 +126,7 @@ def export(
     )
     span = specimen.beam.span
     edges = 0.5 if edge_length is None else edge_length
-    wanted: BedExport | PullExport
+    wanted: OrganExport
     if in_bed.bed is not None:
         wanted = BedExport(
             specimen,
@@ -158,11 +152,14 @@ def export(
             table=table,
         )
     facts: dict[str, object] = {}
+    shown: float | None = None
     if output is not None:
         wanted.check(output)
     page = b"" if html is None else page_content(wanted, html, edge_length)
     if output is not None:
-        facts |= write_file(wanted, output)
+        result = wanted.write(output)
+        shown = result.force
+        facts |= written_facts(result, output)
     if html is not None:
         write_atomic(html, page)
         facts |= {"page": str(html), "page_bytes": len(page)}
@@ -171,23 +168,8 @@ def export(
         "strength": specimen.preset.strength,
         "threshold_MPa": specimen.threshold,
         "section": specimen.section,
+        **wanted.facts(),
     }
-    if isinstance(wanted, PullExport):
-        event = wanted.break_event
-        facts |= {
-            "breaks_at_N": None if event is None else event.force,
-            "theory": wanted.theory.name,
-            **theory_options(wanted.theory),
-        }
-    else:
-        last = wanted.dissected[1].rows(specimen.threshold)[-1]
-        facts |= {
-            "bed": in_bed.bed,
-            "seed": in_bed.seed,
-            "hook_mm": wanted.hook,
-            "torn_at_mm": None if wanted.tear is None else wanted.tear.station,
-            **{name: last[name] for name in BED_FACTS},
-        }
     if as_json:
         print(json.dumps(facts))
         return
@@ -197,32 +179,12 @@ def export(
         print(f"{output}: {facts['kind']}{faces}, {facts['bytes']:,} bytes")
     if html is not None:
         print(f"{html}: a page that plays, {len(page):,} bytes")
-    if output is not None or in_bed.bed is not None:
-        print(f"preset {specimen.preset.name}, {_state(facts, torn=torn)}")
-        print(f"solved as {facts['section']}")
+    print(f"preset {specimen.preset.name}, {wanted.summary(shown)}")
+    print(f"solved as {facts['section']}")
 
 
-def _state(facts: "dict[str, object]", *, torn: bool) -> str:
-    """Say how the organ is pulled, and by which theory."""
-    if "bed" in facts:
-        at = facts["torn_at_mm"]
-        ended = (
-            "at the end of the path" if at is None else f"torn {at:.4g} mm from the first clamp:"
-        )
-        return (
-            f"bed {facts['bed']}, {ended} {facts['freed_mm']:.4g} mm are free, "
-            f"{facts['strands_parted']} strands parted, distance to break "
-            f"{facts['distance_to_break_percent']:.4g} %"
-        )
-    force, theory = facts["force_N"], facts["theory"]
-    if torn:
-        return f"{theory} beam, torn at {force:.4g} N"
-    return f"{theory} beam, pulled with {force:.4g} N" if force else "at rest"
-
-
-def write_file(export: "OrganExport", path: Path) -> dict[str, object]:
-    """Write a file, and say what is in it."""
-    result = export.write(path)
+def written_facts(result: "ExportResult", path: Path) -> dict[str, object]:
+    """Return what is in a file that was written."""
     return {
         "file": str(path),
         "files": len(result.files),
@@ -237,7 +199,7 @@ def write_file(export: "OrganExport", path: Path) -> dict[str, object]:
     }
 
 
-def page_content(export: "BedExport | PullExport", path: Path, edge_length: float | None) -> bytes:
+def page_content(export: "OrganExport", path: Path, edge_length: float | None) -> bytes:
     """Return the page that plays an export."""
     from app.trainer.pages.html_player import export_page, page_edge_length
     from organ_geometry import check_target

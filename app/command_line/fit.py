@@ -17,7 +17,6 @@ from app.command_line.load import (
     TheoryName,
     chosen_theory,
     duct_of,
-    theory_options,
     theory_words,
 )
 from app.command_line.study import need
@@ -219,7 +218,7 @@ def _pull_result(
         from organ_geometry import write_atomic
 
         write_atomic(output, preset_toml(_preset(fitted, pulls, base, name, words)))
-    options = {"theory": theory.name, **theory_options(theory)}
+    options = {"theory": theory.name, **theory.options}
     curves = [
         {
             "name": each.curve.name,

@@ -55,7 +55,6 @@ __all__ = [
     "organ_from",
     "shipped_organ",
     "specimen_from",
-    "theory_options",
     "theory_words",
     "with_law",
 ]
@@ -138,19 +137,6 @@ def _law_name(law: str) -> "LawName":
     raise ValueError(f"--law must be {' or '.join(get_args(LawName))}, not {law}")
 
 
-def theory_options(theory: "Theory") -> dict[str, object]:
-    """Return a theory's options, to be named beside it."""
-    from physics import Cubic, Exact, Exponential
-
-    if isinstance(theory, Cubic):
-        return {"q": theory.q}
-    if isinstance(theory, Exact):
-        law = theory.law
-        more = {"stiffening": law.stiffening} if isinstance(law, Exponential) else {}
-        return {"shear": law.shear, "law": law.name, **more}
-    return {}
-
-
 def theory_words(theory: "Theory") -> str:
     """Return a theory's name with its options."""
-    return ", ".join([theory.name, *(f"{key} {v}" for key, v in theory_options(theory).items())])
+    return ", ".join([theory.name, *(f"{key} {v}" for key, v in theory.options.items())])

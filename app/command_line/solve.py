@@ -20,7 +20,6 @@ from app.command_line.load import (
     chosen_theory,
     duct_of,
     specimen_from,
-    theory_options,
     theory_words,
     with_law,
 )
@@ -221,7 +220,7 @@ def solve(
         "threshold_MPa": limit,
         "distance_to_break": None if limit is None else check.distance_to_break,
         "breaks_at_N": None if event is None else event.force,
-        **theory_options(chosen),
+        **chosen.options,
     }
     side = {1: ", on the side of the pull", -1: ", on the side away from the pull", 0: ""}
     lines = [

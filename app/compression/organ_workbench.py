@@ -5,12 +5,11 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.compression.build_process import Abandoned, BuildProcess
+from app.compression.build_process import Abandoned, BuildProcess, Made
 from app.compression.edge_picture import edge_picture
 from app.compression.image_upload import UploadBounds, unpack_upload
 from app.workers import Progress
@@ -45,8 +44,6 @@ __all__ = [
     "OrganWorkbench",
     "PromiseRefusedError",
 ]
-
-Made = TypeVar("Made")
 
 
 class PromiseRefusedError(ValueError):

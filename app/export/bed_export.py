@@ -11,13 +11,15 @@ from app.export.bed_recorder import BedRecorder
 from app.export.motion import MOST_FRAMES, Motion
 from app.export.organ_export import ExportResult, OrganExport
 from app.export.snapshot import Snapshot, bed_snapshots
-from app.simulation import SETTLED_SECONDS, BeddedSurface, Phase, Reading
+from app.simulation import SETTLED_SECONDS, BeddedSurface, BedPreset, Phase, Reading
 from organ_geometry.mesh import TornPiece
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, Hand, History, pull, step_places
 
 __all__ = ["BedExport"]
 
+# Facts of the last step, as `solve --bed` names them.
+BED_FACTS = ("freed_mm", "strands_parted", "work_mJ", "distance_to_break_percent")
 # Name of the motion.
 FREE = "free"
 HAND_SPEED = 3.0
@@ -103,11 +105,15 @@ class BedExport(OrganExport):
         last = self.motion.readings[-1]
         return None if last.phase is Phase.INTACT else last.check
 
-    def pieces(self) -> tuple[TornPiece, TornPiece] | None:
+    def pieces(self, edge_length: float) -> tuple[TornPiece, TornPiece] | None:
         """Return the two pieces that the duct tears into on the path."""
         if self.tear is None:
             return None
-        return self.dissection.torn_at(self.tear, edge_length=self.edge_length)
+        return self.dissection.torn_at(self.tear, edge_length=edge_length)
+
+    def page_motion(self) -> Motion:
+        """Return the motion along the path."""
+        return self.motion
 
     def motions(self) -> list[Motion]:
         """Return the motion along the path."""
@@ -126,7 +132,11 @@ class BedExport(OrganExport):
 
     def _at(self, keys: Iterable[int]) -> Iterator[Snapshot]:
         return bed_snapshots(
-            self.dissection, self.motion, self.pieces(), keys, edge_length=self.edge_length
+            self.dissection,
+            self.motion,
+            self.pieces(self.edge_length),
+            keys,
+            edge_length=self.edge_length,
         )
 
     def written_table(self) -> tuple[bytes, ExportResult]:
@@ -135,3 +145,41 @@ class BedExport(OrganExport):
         last = motion.readings[-1]
         content = history.csv(self.threshold).encode()
         return content, ExportResult("the history of the path", last.force, last.deflection)
+
+    @property
+    def _bed(self) -> BedPreset:
+        bed = self.specimen.bed
+        assert bed is not None  # noqa: S101 (a specimen in a bed)
+        return bed
+
+    @property
+    def note(self) -> str:
+        """Which bed the hook frees the duct from, where, and where it tears."""
+        note = (
+            f" in a bed, {self._bed.title.lower()}; a hook frees it {self.hook:.1f} mm from the "
+            "first"
+        )
+        return note if self.tear is None else f"{note}, and tears it at {self.tear.station:.1f} mm"
+
+    def facts(self) -> dict[str, object]:
+        """Return the bed, the hook, and what the last step came to."""
+        last = self.dissected[1].rows(self.threshold)[-1]
+        return {
+            "bed": self._bed.name,
+            "seed": self.specimen.bed_seed,
+            "hook_mm": self.hook,
+            "torn_at_mm": None if self.tear is None else self.tear.station,
+            **{name: last[name] for name in BED_FACTS},
+        }
+
+    def summary(self, force: float | None) -> str:
+        """Return what is free at the end of the path, or where it tore."""
+        facts, tear = self.facts(), self.tear
+        ended = "at the end of the path"
+        if tear is not None:
+            ended = f"torn {tear.station:.4g} mm from the first clamp:"
+        return (
+            f"bed {self._bed.name}, {ended} {facts['freed_mm']:.4g} mm are free, "
+            f"{facts['strands_parted']} strands parted, distance to break "
+            f"{facts['distance_to_break_percent']:.4g} %"
+        )

@@ -92,9 +92,28 @@ class OrganExport(ABC):
     def written_table(self) -> tuple[bytes, ExportResult]:
         """Return the table as CSV."""
 
-    def pieces(self) -> tuple[TornPiece, TornPiece] | None:
+    @abstractmethod
+    def pieces(self, edge_length: float) -> tuple[TornPiece, TornPiece] | None:
         """Return the two pieces that the organ tears into, if it does in a motion."""
-        return None
+
+    @abstractmethod
+    def page_motion(self) -> Motion:
+        """Return the motion that a page plays."""
+
+    # What is said of it.
+
+    @property
+    @abstractmethod
+    def note(self) -> str:
+        """What moves the organ, to follow "... between the clamps" in a page."""
+
+    @abstractmethod
+    def facts(self) -> dict[str, object]:
+        """Return how it was solved and what came of it, by snake_case keys with units."""
+
+    @abstractmethod
+    def summary(self, force: float | None) -> str:
+        """Return in a few words how the organ stands at the end, under a force, N."""
 
     # Files.
 
@@ -180,7 +199,7 @@ class OrganExport(ABC):
     def _rigged(self) -> tuple[bytes, ExportResult]:
         organ = self.dissection.organ
         skin = organ_skin(organ, edge_length=self.edge_length)
-        motions, pieces = self.motions(), self.pieces()
+        motions, pieces = self.motions(), self.pieces(self.edge_length)
         content = rigged_organ(
             skin, self.dissection.driving, motions, pieces, radius=organ.mean_radius
         )

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from app.export.motion import RUN_STEP, Motion, MotionKey, check_frames, recoil_times
+from app.export.motion import RECOIL_STEP, RUN_STEP, Motion, MotionKey, check_frames, recoil_times
 from app.export.organ_export import ExportResult, OrganExport
 from app.export.snapshot import Snapshot
 from app.export.table import axis_table, curve_table
@@ -30,6 +30,8 @@ __all__ = ["PullExport"]
 
 Table = Literal["curve", "axis"]
 
+PAGE_KEYS = 41
+"""Keys of a pull in a page: twenty a second."""
 # s, length of a prescribed pull.
 PULL_SECONDS = 2.0
 # Stations along the span at which stress is sampled: two for each driving point.
@@ -143,13 +145,18 @@ class PullExport(OrganExport):
         tear = self.tear()
         return [self.pull()] if tear is None else [self.pull(), tear]
 
-    def pieces(self) -> tuple[TornPiece, TornPiece] | None:
+    def pieces(self, edge_length: float) -> tuple[TornPiece, TornPiece] | None:
         """Return the two pieces that the organ tears into, or None."""
         if self.break_event is None:
             return None
         return self.dissection.torn_at(
-            self.break_event.check, edge_length=self.edge_length, seed=self.seed
+            self.break_event.check, edge_length=edge_length, seed=self.seed
         )
+
+    def page_motion(self) -> Motion:
+        """Return the motion over the break, or to a force that was given."""
+        tear = self.tear(PAGE_KEYS, run_step=RECOIL_STEP) if self.force is None else None
+        return self.pull(PAGE_KEYS) if tear is None else tear
 
     def snapshot(self) -> Snapshot:
         """Return the organ under the force, or its two pieces."""
@@ -180,7 +187,8 @@ class PullExport(OrganExport):
     def _torn_snapshot(self) -> Snapshot:
         """Return the two unstressed pieces of the torn organ, and the force at the break."""
         event, preset = self.break_event, self.dissection.preset.name
-        if event is None:
+        pieces = self.pieces(self.edge_length)
+        if event is None or pieces is None:
             raise ValueError(f"preset {preset} does not break; leave out --torn")
         if self.force is not None and self._finite_force() < event.force:
             raise ValueError(
@@ -188,7 +196,6 @@ class PullExport(OrganExport):
                 f"{event.force:.4g} N; give that or more, or no force"
             )
         gone = tear_front(SETTLED_SECONDS)
-        pieces = self.dissection.torn_at(event.check, edge_length=self.edge_length, seed=self.seed)
         surfaces = tuple(
             Surface(name, piece.skin, piece.open(gone, piece.skin.vertices.copy()))
             for name, piece in zip(PIECES, pieces, strict=True)
@@ -224,3 +231,26 @@ class PullExport(OrganExport):
         last = motion.readings[-1]
         kind = "the force-deflection curve"
         return curve_table(motion), ExportResult(kind, last.force, last.deflection)
+
+    @property
+    def note(self) -> str:
+        """Where the organ is pulled, as what beam, and at which force it breaks."""
+        event = self.break_event
+        broke = "" if event is None else f", breaks at {event.force:.3g} N"
+        return f", pulled {self.grasp:.1f} mm from the first, {self.theory.name} beam{broke}"
+
+    def facts(self) -> dict[str, object]:
+        """Return the theory with its options, and the force at break."""
+        event = self.break_event
+        return {
+            "breaks_at_N": None if event is None else event.force,
+            "theory": self.theory.name,
+            **self.theory.options,
+        }
+
+    def summary(self, force: float | None) -> str:
+        """Return the theory and the force at the end, by default a motion's."""
+        force = self.last_force() if force is None else force
+        if self.torn:
+            return f"{self.theory.name} beam, torn at {force:.4g} N"
+        return f"{self.theory.name} beam, pulled with {force:.4g} N" if force else "at rest"

@@ -19,7 +19,7 @@ from app.simulation.preset import (
 from assets import BILE_DUCT
 from organ_geometry import DrivingPoints, Organ, SectionProperties
 from organ_geometry.mesh import TornPiece, torn_pieces
-from physics import Beam, Equilibrium, Exact, Linear, RuptureCheck, Theory, VaryingBeam
+from physics import Beam, Equilibrium, Linear, RuptureCheck, Theory, VaryingBeam
 from physics.bed import SpaceBeam
 from physics.section import Ring
 
@@ -83,7 +83,7 @@ class Dissection:
         own = f"the organ's own {drawn} sections"
         if kind.wall_mm is not None:
             own = f"the organ's own outline with a wall of {kind.wall_mm:g} mm"
-        which = "all along it" if isinstance(theory, Exact) else "the weakest one"
+        which = "all along it" if theory.takes_all_sections else "the weakest one"
         return f"{own}, {which}, {beam.span:.4g} mm between the clamps"
 
     def space_beam(self, *, elements: int, nodes_at: Sequence[float] = ()) -> SpaceBeam:

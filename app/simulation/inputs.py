@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
-from physics import Cubic, Exact, Exponential, Theory, theory_named
+from physics import Theory, theory_named
 from physics.theory import LawName
 
 __all__ = [
@@ -67,14 +67,7 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
     @classmethod
     def of(cls, theory: Theory) -> "TheoryChoice":
         """Return the choice that stands for a theory; raise if it has no name."""
-        if isinstance(theory, Cubic):
-            choice = cls(theory.name, q=theory.q)
-        elif isinstance(theory, Exact):
-            law = theory.law
-            stiffening = law.stiffening if isinstance(law, Exponential) else None
-            choice = cls(theory.name, shear=law.shear, law=law.name, stiffening=stiffening)
-        else:
-            choice = cls(theory.name)
+        choice = msgspec.convert({"name": theory.name, **theory.options}, cls)
         if choice.theory() != theory:
             raise ValueError(f"theory {theory!r} cannot be written into a run")
         return choice

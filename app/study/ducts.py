@@ -237,7 +237,7 @@ def _organ_ducts(
         try:
             beam = _organ_beam(organ, preset, None if w < 0.0 else w, None if s < 0.0 else s)
             assert beam.weakest is not None  # noqa: S101 (an organ's has one)
-            shapes.append(beam if isinstance(theory, Exact) else beam.weakest)
+            shapes.append(beam if theory.takes_all_sections else beam.weakest)
         except ValueError as error:
             shapes.append(Beam.round(span=1.0, diameter=1.0, modulus=1.0))  # of nothing solved
             said |= dict.fromkeys(np.flatnonzero(which == k).tolist(), str(error))
@@ -247,7 +247,7 @@ def _organ_ducts(
     modulus = block.number("modulus_MPa", preset.modulus_MPa)
     ratio = block.number("poisson_ratio", preset.poisson_ratio)
     which, rows = which[sound], [each[sound] for each in (modulus, ratio, grasp)]
-    if isinstance(theory, Exact):
+    if theory.takes_all_sections:
         return Beams(shapes, which, *rows), said
     names = ("span", "area", "second_moment", "fibre_distance")
     sizes = [np.array([getattr(beam, name) for beam in shapes])[which] for name in names]

@@ -24,7 +24,6 @@ from app.study.curves import Curve
 from physics import (
     Beam,
     Cubic,
-    Exact,
     NoEquilibrium,
     Theory,
     check_rupture,
@@ -95,7 +94,7 @@ class Fit:
 
 def _uses_poisson(theory: Theory) -> bool:
     """Return whether a theory's force depends on Poisson's ratio."""
-    return isinstance(theory, Exact) and theory.law.shear
+    return bool(theory.options.get("shear"))
 
 
 def fit_pulls(pulls: list[MeasuredPull], theory: Theory, *, free_ratio: bool = False) -> Fit:

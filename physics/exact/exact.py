@@ -1,7 +1,8 @@
 """The geometrically exact beam: large rotations, true stretch, shear, two material laws."""
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import ClassVar, Literal, Self
 
 import numpy as np
@@ -116,10 +117,16 @@ class Exact:
     law: Law = field(default_factory=Linear)
     intervals: int = 40
     name: ClassVar[str] = "exact"
+    takes_all_sections: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.intervals < 4 or self.intervals % 2:
             raise ValueError(f"intervals must be even and 4 or more, got {self.intervals}")
+
+    @property
+    def options(self) -> Mapping[str, object]:
+        """What `theory_named` takes beside the name."""
+        return {"shear": self.law.shear, "law": self.law.name, **asdict(self.law)}
 
     def pull(self, beam: Beam, grasp: float, second: float | None = None) -> "ExactPull":
         """Return a beam at rest, grasped at one or two distances from the first clamp, mm."""

@@ -140,7 +140,7 @@ def test_a_torn_duct_is_two_pieces_with_the_rim_that_is_seen() -> None:
     assert mesh.is_watertight
     # With the session's edges the pieces are the session's, to the bit.
     edge_length = shown.drawn.edge_length
-    pieces = replace(order, edge_length=edge_length).pieces()
+    pieces = order.pieces(edge_length)
     assert pieces is not None
     for surface, piece in zip(shown.drawn.surfaces, pieces, strict=True):
         assert surface.skin.vertices == pytest.approx(piece.skin.vertices, abs=1e-4)

@@ -10,9 +10,9 @@ from browser import RADIUS, PlayerPage, new_context, running_browser
 from simulated import phantom
 
 from app.export.bed_export import BedExport
-from app.export.pull_export import PullExport
+from app.export.pull_export import PAGE_KEYS, PullExport
 from app.simulation import PIECES, SETTLED_SECONDS, Dissection, Specimen, bed_named, preset_named
-from app.trainer.pages.html_player import PULL_KEYS, REST_SECONDS, export_page, page_edge_length
+from app.trainer.pages.html_player import REST_SECONDS, export_page, page_edge_length
 from app.trainer.viser_bridge.recording import recording_page
 from organ_geometry.mesh.skin import organ_skin
 from physics import Cubic
@@ -67,7 +67,7 @@ def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> 
             assert pictures[-1].tops.keys() == set(PIECES), number
 
         skin = organ_skin(dissection.organ, edge_length=wanted.edge_length)
-        pull = wanted.pull(PULL_KEYS)
+        pull = wanted.pull(PAGE_KEYS)
         bound = skin.bound_to(dissection.driving)
         lying = [
             top_of(dissection, piece.open(2.0, piece.skin.vertices.copy()))

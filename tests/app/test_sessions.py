@@ -5,7 +5,7 @@ import tracemalloc
 import pytest
 from simulated import phantom, pull, pull_session
 
-from app.simulation import Session
+from app.trainer.client.practice import Practice
 from app.trainer.server.sessions import Sessions, SessionsFullError
 
 
@@ -21,22 +21,24 @@ class Time:
 
 def kept(clock: Time, *, most: int = 3) -> Sessions:
     return Sessions(
-        lambda: pull_session(phantom(), vertices=300), most=most, kept_seconds=60.0, clock=clock
+        lambda: Practice(phantom(), None, "free"), most=most, kept_seconds=60.0, clock=clock
     )
 
 
 def test_a_page_loaded_anew_finds_its_run_as_it_was() -> None:
     clock = Time()
     sessions = kept(clock)
-    token, session = sessions.claim()
+    token, practice = sessions.claim()
+    session = practice.session("free")
     pull(session, 2.0)
     before, file = session.reading(), session.run_file()
     sessions.leave(token)
     clock.now += 59.0
     again, found = sessions.claim(token)
-    assert (again, found) == (token, session)
-    assert found.reading() == before
-    assert found.run_file() == file
+    assert (again, found) == (token, practice)
+    assert found.session("free") is session
+    assert session.reading() == before
+    assert session.run_file() == file
 
 
 def test_a_session_is_dropped_when_its_page_stays_away() -> None:
@@ -85,7 +87,7 @@ def test_tokens_cannot_be_guessed_and_a_failed_session_leaves_no_gap() -> None:
     assert first != second
     assert len(first) >= 20
 
-    def fail() -> Session:
+    def fail() -> Practice:
         raise RuntimeError("no duct")
 
     broken = Sessions(fail, most=1, clock=clock)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from http import HTTPStatus
 
 import numpy as np
@@ -10,9 +10,8 @@ import viser
 from numpy.typing import NDArray
 from viser import transforms
 
-from app.export.bed_export import BedExport
-from app.export.motion import RECOIL_STEP, Motion
-from app.export.pull_export import PullExport
+from app.export.motion import Motion
+from app.export.organ_export import OrganExport
 from app.export.recorded_run import RecordedRun
 from app.simulation import PIECES, Dissection, Phase, Reading
 from app.trainer.stage.appearance import appearance_of, drawn_radius
@@ -38,8 +37,6 @@ MOST_VERTICES = 12_000
 MOST_PLACES = 2_500_000
 UNITS = "Forces in N, lengths in mm."
 DRAWN_NOT_COMPUTED = "How a tear gapes and swings back is drawn, not computed."
-PULL_KEYS = 41
-"""Keys of a pull: twenty a second."""
 GRID = 1.0 / 256.0
 """Vertices, mm, and shades are rounded to multiples of this: invisible, and half the file."""
 REST_SECONDS, END_SECONDS = 0.6, 1.2
@@ -80,33 +77,14 @@ def page_edge_length(organ: Organ, vertices: int = VERTICES) -> float:
     return min(math.sqrt(area / vertices), 0.4 * organ.mean_radius)
 
 
-def export_page(export: BedExport | PullExport, *, edge_length: float) -> str:
-    """Return a page that plays a path through a bed, or a pull to its force or over the break."""
-    dissection, pieces = export.dissection, None
-    between = f"{dissection.beam.span:.1f} mm between the clamps"
-    bed = export.specimen.bed
-    if isinstance(export, BedExport):
-        assert bed is not None  # noqa: S101 (an export from a bed has one)
-        motion = export.motion
-        says = (
-            f"{between} in a bed, {bed.title.lower()}; a hook frees it "
-            f"{export.hook:.1f} mm from the first"
-        )
-        if export.tear is not None:
-            says += f", and tears it at {export.tear.station:.1f} mm"
-            pieces = dissection.torn_at(export.tear, edge_length=edge_length)
-    else:
-        event = export.break_event
-        tear = export.tear(PULL_KEYS, run_step=RECOIL_STEP) if export.force is None else None
-        motion = export.pull(PULL_KEYS) if tear is None else tear
-        broke = "" if event is None else f", breaks at {event.force:.3g} N"
-        says = (
-            f"{between}, pulled {export.grasp:.1f} mm from the first, {export.theory.name} "
-            f"beam{broke}"
-        )
-        if tear is not None:
-            pieces = replace(export, edge_length=edge_length).pieces()
-    notes = [says, f"Solved as {export.specimen.section}."]
+def export_page(export: OrganExport, *, edge_length: float) -> str:
+    """Return a page that plays an export's motion."""
+    dissection, motion = export.dissection, export.page_motion()
+    notes = [
+        f"{dissection.beam.span:.1f} mm between the clamps{export.note}",
+        f"Solved as {export.specimen.section}.",
+    ]
+    pieces = None if motion.whole.all() else export.pieces(edge_length)
     return player_page(dissection, motion, notes, edge_length=edge_length, pieces=pieces)
 
 

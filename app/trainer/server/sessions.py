@@ -4,8 +4,8 @@ import secrets
 import time
 from collections.abc import Callable
 from threading import RLock
-from typing import Generic, TypeVar
 
+from app.trainer.client.practice import Practice
 from app.trainer.connections.bounds import MOST_CLIENTS
 
 __all__ = ["Sessions", "SessionsFullError"]
@@ -19,19 +19,16 @@ class SessionsFullError(ValueError):
     """The largest number of sessions is in use."""
 
 
-Kept = TypeVar("Kept")
+class Sessions:
+    """The sessions of all clients, a `Practice` each, under a token that only its client knows.
 
-
-class Sessions(Generic[Kept]):
-    """The sessions of all clients, each under a token that only its client knows.
-
-    `make` makes what a new client has. There are `most` at most; one that was left is kept for
+    `make` makes a new client's. There are `most` at most; one that was left is kept for
     `kept_seconds`, or until its place is needed. `clock` gives the time, s.
     """
 
     def __init__(
         self,
-        make: Callable[[], Kept],
+        make: Callable[[], Practice],
         *,
         most: int = MOST_CLIENTS,
         kept_seconds: float = KEPT_SECONDS,
@@ -40,7 +37,7 @@ class Sessions(Generic[Kept]):
         self._make, self._clock = make, clock
         self._most, self._kept_seconds = most, kept_seconds
         self._lock = RLock()
-        self._kept: dict[str, Kept | None] = {}  # None while it is made
+        self._kept: dict[str, Practice | None] = {}  # None while it is made
         self._left: dict[str, float] = {}  # when each was left, s; the longest left first
 
     def __len__(self) -> int:
@@ -52,7 +49,7 @@ class Sessions(Generic[Kept]):
             self.expire()
             return token in self._kept
 
-    def claim(self, token: str | None = None) -> tuple[str, Kept]:
+    def claim(self, token: str | None = None) -> tuple[str, Practice]:
         """Return the session that a client left, or a new one."""
         with self._lock:
             self.expire()
@@ -65,14 +62,14 @@ class Sessions(Generic[Kept]):
             token = secrets.token_urlsafe(TOKEN_BYTES)
             self._kept[token] = None  # the place is taken while the session is made
         try:
-            session = self._make()
+            practice = self._make()
         except BaseException:
             with self._lock:
                 del self._kept[token]
             raise
         with self._lock:
-            self._kept[token] = session
-        return token, session
+            self._kept[token] = practice
+        return token, practice
 
     def leave(self, token: str) -> None:
         """Note that a session's client has gone; the session is kept for a while."""
