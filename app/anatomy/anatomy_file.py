@@ -45,8 +45,10 @@ def shipped_anatomies() -> dict[str, Path]:
     return {"normal": found.pop("normal"), **found}
 
 
-def anatomy_named(name: str) -> Anatomy:
-    """Return a shipped anatomy by its name; a ValueError lists them."""
+def anatomy_named(name: str | Anatomy) -> Anatomy:
+    """Return a shipped anatomy by its name, or a whole one checked; a ValueError lists them."""
+    if isinstance(name, Anatomy):
+        return checked(name)
     known = shipped_anatomies()
     if name not in known:
         raise ValueError(f"there is no anatomy {name!r} here: {', '.join(known)}")

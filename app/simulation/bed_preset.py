@@ -103,8 +103,10 @@ def bed_presets() -> dict[str, BedPreset]:
     return {each.name: each for each in found}
 
 
-def bed_named(name: str) -> BedPreset:
-    """Return the bed of that name."""
+def bed_named(name: str | BedPreset) -> BedPreset:
+    """Return the bed of that name, or a whole one; a `ValueError` says which there are."""
+    if isinstance(name, BedPreset):
+        return name
     if name not in bed_presets():
         raise ValueError(f"unknown bed {name!r}; there are: {', '.join(bed_presets())}")
     return bed_presets()[name]

@@ -82,6 +82,10 @@ class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
 Value = str | float | tuple[int | float, ...] | TheoryChoice | None
 
 
+Applied = tuple[InputKind, tuple[float, ...]]
+"""An input as it has acted, its numbers within their range: what a run logs."""
+
+
 class Input(msgspec.Struct, frozen=True, array_like=True):
     """One input, applied before a tick.
 

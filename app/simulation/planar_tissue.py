@@ -1,8 +1,10 @@
 """A free duct in the plane of its pull: solved by a theory under one grasper, tick by tick."""
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +17,12 @@ from app.simulation.exercise import Exercise
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import Grasper, Load
 from app.simulation.hand import Hand
-from app.simulation.inputs import InputKind, Instrument, TheoryChoice
+from app.simulation.inputs import Applied, InputKind, Instrument, TheoryChoice
 from app.simulation.measures import MeasureTaker
 from app.simulation.reading import Reading, Vector
 from app.simulation.run_file import RunStart
 from app.simulation.specimen import Specimen
 from app.simulation.tear import Phase, Tear
-from app.simulation.tissue import Applied
 from organ_geometry.mesh import Skin
 from physics import BreakEvent, Cubic, NoEquilibrium, RuptureCheck, Theory
 
@@ -96,6 +97,15 @@ class PlanarTissue:
     def dissection(self) -> Dissection:
         """The organ between its clamps."""
         return self.model.dissection
+
+    @property
+    def in_plane(self) -> Self:
+        """Itself, solved by its theory."""
+        return self
+
+    @property
+    def in_space(self) -> None:
+        """Nothing: a theory of the plane has no beam in space."""
 
     @property
     def theory(self) -> Theory:
@@ -357,6 +367,14 @@ class PlanarTissue:
         """Whether a chain was chosen."""
         return self._chain is not None
 
+    def compare_as(self, other: "PlanarTissue", skin: Skin) -> None:
+        """Show beside this what is shown beside another: a ghost of its theory, a chain."""
+        if (theory := other.ghost_theory) is not None:
+            # A theory that ends before this duct's break has no ghost of it.
+            with contextlib.suppress(NoEquilibrium):
+                self.show_ghost(BeamModel.of(self.dissection, theory), skin)
+        self.show_chain(other.has_chain)
+
     def ghost_reading(self) -> GhostReading | None:
         """Return the ghost's reading; None without a ghost or an equilibrium of it."""
         if self.ghost is None:
@@ -396,6 +414,8 @@ class PlanarTissue:
 
     def goal_of(self, exercise: Exercise) -> tuple[float, float] | None:
         """Return the deflections between which an exercise's goal lies with the present grasp."""
+        if exercise.opening is not None:  # it is done in a bed
+            return None
         if self._goal is None or self._goal[:2] != (exercise, self.grasped):
             self._goal = exercise, self.grasped, exercise.goal.band_on(self.grasped)
         return self._goal[2]

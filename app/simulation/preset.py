@@ -247,8 +247,10 @@ def presets() -> dict[str, Preset]:
     return {preset.name: preset for preset in found}
 
 
-def preset_named(name: str) -> Preset:
-    """Return the preset of that name; a `ValueError` says which there are."""
+def preset_named(name: str | Preset) -> Preset:
+    """Return the preset of that name, or a whole one; a `ValueError` says which there are."""
+    if isinstance(name, Preset):
+        return name
     if name not in presets():
         raise ValueError(f"unknown preset {name!r}; there are: {', '.join(presets())}")
     return presets()[name]

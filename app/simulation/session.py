@@ -7,7 +7,6 @@ tick by `advance`. Places are mm in the duct's frame: along it from the first cl
 along the pull, away from a bed.
 """
 
-import contextlib
 import copy
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -19,7 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from app.anatomy import anatomy_named, checked
+from app.anatomy import anatomy_named
 from app.simulation.attempt import Attempt
 from app.simulation.bed_preset import BedPreset, bed_named
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
@@ -44,7 +43,7 @@ from app.simulation.spatial_tissue import SpatialTissue, Touch
 from app.simulation.specimen import Specimen
 from app.simulation.tissue import Tissue
 from organ_geometry import Organ
-from physics import Cubic, NoEquilibrium, Theory
+from physics import Cubic, Theory
 from physics.bed import BeamOnBed
 
 __all__ = ["VERTICES", "Session", "free_specimen", "specimen_in_bed"]
@@ -126,20 +125,16 @@ class Session:
     @property
     def planar(self) -> PlanarTissue:
         """The duct in the plane of its pull; a `ValueError` if it is one in space."""
-        if (duct := self._in_plane) is None:
+        if (duct := self.tissue.in_plane) is None:
             raise ValueError("this duct is a beam in space: no theory of the plane solves it")
         return duct
 
     @property
     def spatial(self) -> SpatialTissue:
         """The duct in space, in its bed or free; a `ValueError` if it is one in a plane."""
-        if not isinstance(self.tissue, SpatialTissue):
+        if (tissue := self.tissue.in_space) is None:
             raise ValueError("this duct is solved in the plane of its pull, not in space")
-        return self.tissue
-
-    @property
-    def _in_plane(self) -> PlanarTissue | None:
-        return self.tissue if isinstance(self.tissue, PlanarTissue) else None
+        return tissue
 
     # What the trainee does.
 
@@ -292,22 +287,22 @@ class Session:
     @property
     def ghost(self) -> Ghost | None:
         """The other theory's duct, while this one is whole."""
-        return None if (duct := self._in_plane) is None else duct.ghost
+        return None if (duct := self.tissue.in_plane) is None else duct.ghost
 
     @property
     def ghost_theory(self) -> Theory | None:
         """The theory that was chosen for the ghost, or None."""
-        return None if (duct := self._in_plane) is None else duct.ghost_theory
+        return None if (duct := self.tissue.in_plane) is None else duct.ghost_theory
 
     @property
     def chain(self) -> SwingingChain | None:
         """The chain of masses and springs beside the duct, while this one is whole."""
-        return None if (duct := self._in_plane) is None else duct.chain
+        return None if (duct := self.tissue.in_plane) is None else duct.chain
 
     def ghost_reading(self) -> GhostReading | None:
         """Return the ghost's reading; None without a ghost or an equilibrium of it."""
         with self._lock:
-            return None if (duct := self._in_plane) is None else duct.ghost_reading()
+            return None if (duct := self.tissue.in_plane) is None else duct.ghost_reading()
 
     def choose_ghost(self, theory: Theory | None) -> None:
         """Show a ghost by another theory under the same load, or none.
@@ -342,7 +337,7 @@ class Session:
 
     def choose_preset(self, preset: Preset | str) -> None:
         """Start anew with a preset, or a shipped one's name; a torn free duct stays as it is."""
-        chosen = preset_named(preset) if isinstance(preset, str) else preset
+        chosen = preset_named(preset)
         tissue = self._tissue_of(replace(self.specimen, preset=chosen, threshold_MPa=None))
         with self._lock:
             if self.tissue.torn is None or self.specimen.theory is None:
@@ -350,7 +345,7 @@ class Session:
 
     def choose_bed(self, bed: BedPreset | str | None, seed: int = 1) -> None:
         """Start anew in another bed, or as a free duct in space."""
-        chosen = bed_named(bed) if isinstance(bed, str) else bed
+        chosen = None if bed is None else bed_named(bed)
         self.choose(
             replace(self.specimen, bed=chosen, bed_seed=seed, theory=None, threshold_MPa=None)
         )
@@ -420,10 +415,8 @@ class Session:
         None without an exercise that waits or goes on, and for one that has no such goal.
         """
         with self._lock:
-            run, duct = self.run, self._in_plane
-            if duct is None or run.exercise is None or run.over or run.exercise.opening is not None:
-                return None
-            return duct.goal_of(run.exercise)
+            exercise = None if self.run.over else self.run.exercise
+            return None if exercise is None else self.tissue.goal_of(exercise)
 
     def task_beam(self) -> GraspedBeam:
         """Return the beam that exercises of a duct in a plane are scaled for."""
@@ -456,12 +449,11 @@ class Session:
         """Put the duct into an exercise's bed, if it is in another."""
         specimen, opening = self.specimen, exercise.opening
         if opening is not None and opening.anatomy is not None:
-            wanted = opening.anatomy
-            whole = anatomy_named(wanted) if isinstance(wanted, str) else wanted
+            whole = anatomy_named(opening.anatomy)
             if specimen.anatomy != whole:
                 raise ValueError(f"{exercise.title} is done at the anatomy {whole.name!r}: open it")
         elif opening is not None:
-            bed = bed_named(opening.bed) if isinstance(opening.bed, str) else opening.bed
+            bed = None if opening.bed is None else bed_named(opening.bed)
             if (specimen.bed, specimen.bed_seed) != (bed, opening.bed_seed):
                 threshold = self.tissue.threshold if specimen.theory is None else None
                 self.choose(
@@ -516,7 +508,7 @@ class Session:
             raise RunFileError(f"the run's theory: {error}") from None
         preset, bed = start.preset, start.bed
         try:
-            preset = preset_named(preset) if isinstance(preset, str) else preset
+            preset = preset_named(preset)
             if theory is None:
                 preset = msgspec.structs.replace(preset, law=start.law, stiffening=start.stiffening)
             anatomy = start.anatomy
@@ -524,13 +516,13 @@ class Session:
             strands, wall = (None if prony is None else prony.made() for prony in each)
             relaxation = strands, wall
             if anatomy is not None:
-                whole = anatomy_named(anatomy) if isinstance(anatomy, str) else checked(anatomy)
+                whole = anatomy_named(anatomy)
                 specimen = replace(Specimen.of_anatomy(whole), relaxation=relaxation)
             else:
                 specimen = Specimen(
                     preset,
                     organ,
-                    bed_named(bed) if isinstance(bed, str) else bed,
+                    None if bed is None else bed_named(bed),
                     bed_seed=1 if start.bed_seed is None else start.bed_seed,
                     theory=theory,
                     threshold_MPa=start.threshold_MPa if theory is None else None,
@@ -614,13 +606,8 @@ class Session:
         """Start anew with a tissue; a ghost and a chain beside the one before go on beside it."""
         before, self.tissue = self.tissue, tissue
         self.drawn.follow(tissue.dissection)
-        if isinstance(before, PlanarTissue) and isinstance(tissue, PlanarTissue):
-            theory = before.ghost_theory
-            if theory is not None:
-                # A theory that ends before this duct's break has no ghost of it.
-                with contextlib.suppress(NoEquilibrium):
-                    tissue.show_ghost(BeamModel.of(tissue.dissection, theory), self.drawn.skin)
-            tissue.show_chain(before.has_chain)
+        if tissue.in_plane is not None and before.in_plane is not None:
+            tissue.in_plane.compare_as(before.in_plane, self.drawn.skin)
         self._new_run()
 
     def _new_run(

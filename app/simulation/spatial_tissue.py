@@ -9,7 +9,7 @@ within 0.4 % of that with steps four times as short, at 40 mm/s within 2.6 % (do
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,14 @@ from app.simulation.dissection_measures import DissectionMeasureTaker
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
 from app.simulation.hand import Hand
-from app.simulation.inputs import ALL_INSTRUMENTS, HOLDING, INSTRUMENTS, InputKind, Instrument
+from app.simulation.inputs import (
+    ALL_INSTRUMENTS,
+    HOLDING,
+    INSTRUMENTS,
+    Applied,
+    InputKind,
+    Instrument,
+)
 from app.simulation.reading import FluidReading, Reading, Vector
 from app.simulation.relaxation_preset import Prony
 from app.simulation.run_file import (
@@ -35,7 +42,6 @@ from app.simulation.run_file import (
 )
 from app.simulation.specimen import Specimen
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
-from app.simulation.tissue import Applied
 from kernel_cache import njit
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, Network
@@ -148,6 +154,15 @@ class SpatialTissue:
     def dissection(self) -> Dissection:
         """The organ between its clamps."""
         return self.specimen.dissection
+
+    @property
+    def in_plane(self) -> None:
+        """Nothing: no theory of the plane solves it."""
+
+    @property
+    def in_space(self) -> Self:
+        """Itself, solved by beams in space."""
+        return self
 
     @property
     def bed(self) -> BedPreset | None:
@@ -778,6 +793,9 @@ class SpatialTissue:
             strand_relaxation=Prony.of(specimen.relaxing[0]),
             wall_relaxation=Prony.of(specimen.relaxing[1]),
         )
+
+    def goal_of(self, exercise: Exercise) -> None:
+        """Return nothing: goals in space are no deflections."""
 
     def taker(self, exercise: Exercise | None) -> Taker:
         """Return what takes the measures of a run, and finds its errors."""

@@ -11,16 +11,15 @@ from app.simulation.dissection import Dissection
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
 from app.simulation.hand import Hand
-from app.simulation.inputs import InputKind, Instrument
+from app.simulation.inputs import Applied, InputKind, Instrument
+from app.simulation.planar_tissue import PlanarTissue
 from app.simulation.reading import Reading, Vector
 from app.simulation.run_file import RunStart
+from app.simulation.spatial_tissue import SpatialTissue
 from app.simulation.specimen import Specimen
 from physics import RuptureCheck
 
-__all__ = ["Applied", "Tissue"]
-
-Applied = tuple[InputKind, tuple[float, ...]]
-"""An input as it has acted, its numbers within their range: what a run logs."""
+__all__ = ["Tissue"]
 
 
 class Tissue(Protocol):
@@ -52,6 +51,16 @@ class Tissue(Protocol):
     @property
     def dissection(self) -> Dissection:
         """The organ between its clamps."""
+        ...
+
+    @property
+    def in_plane(self) -> PlanarTissue | None:
+        """It as a theory in the plane of its pull solves it, or None."""
+        ...
+
+    @property
+    def in_space(self) -> SpatialTissue | None:
+        """It as beams in space, with strands or free, or None."""
         ...
 
     @property
@@ -135,6 +144,10 @@ class Tissue(Protocol):
 
     def start(self) -> Callable[[], RunStart]:
         """Return what makes the start of a run that begins now."""
+        ...
+
+    def goal_of(self, exercise: Exercise) -> tuple[float, float] | None:
+        """Return the deflections between which an exercise's goal lies here, mm, or None."""
         ...
 
     def taker(self, exercise: Exercise | None) -> Taker:
