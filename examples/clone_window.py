@@ -4,8 +4,11 @@
     python examples/clone_window.py window/
 
 A small network learns the demonstrations' actions from what they saw, and is judged on beds that
-were never seen, beside the scripted hands and random ones. Its best run goes to `clone.json`, which
-the trainer's Replay plays.
+were never seen, beside the scripted hands and random ones. The best run goes to `clone.json`, the
+network to `clone.onnx`; the trainer plays the one, and the other acts beside you in it:
+
+    bluntdissect trainer --replay clone.json
+    bluntdissect trainer --policy clone.onnx
 """
 
 import sys
@@ -13,6 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pyarrow.parquet as pq
 
 from app.rl.demonstration import demonstrate
@@ -78,10 +82,41 @@ class Network:
         row = np.concatenate([observed[key].ravel() for key in KEYS])[:-1]
         return self.forward(((row - self.mean) / self.scale)[None])[1][0]
 
+    def save(self, path: Path) -> None:
+        """Write an ONNX file that the trainer's policies are read from."""
+        # What is seen is scaled within the first layer, which has zeros for the time left.
+        first = self.layers[0][:-1] / self.scale[:, None]
+        start = self.layers[0][-1] - self.mean @ first
+        weights = [np.pad(first, ((0, 1), (0, 0))), *(each[:-1] for each in self.layers[1:])]
+        offsets = [start, *(each[-1] for each in self.layers[1:])]
+        make = onnx.helper.make_node
+        nodes = [make("Flatten", [key], [f"flat {key}"]) for key in KEYS]
+        nodes.append(make("Concat", [f"flat {key}" for key in KEYS], ["x0"], axis=1))
+        constants = []
+        for k, pair in enumerate(zip(weights, offsets, strict=True)):
+            last = k == len(weights) - 1
+            nodes.append(make("Gemm", [f"x{k}", f"w{k}", f"b{k}"], ["action" if last else f"y{k}"]))
+            if not last:
+                nodes.append(make("Tanh", [f"y{k}"], [f"x{k + 1}"]))
+            for name, values in zip((f"w{k}", f"b{k}"), pair, strict=True):
+                constants.append(onnx.numpy_helper.from_array(values.astype(np.float32), name))
+        shapes = {"hands": [1, 2, 12], "wall": [1, 3], "goal": [1, 5], "action": [1, 10]}
+        ends = {
+            name: onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, shape)
+            for name, shape in shapes.items()
+        }
+        graph = onnx.helper.make_graph(
+            nodes, "clone", [ends[key] for key in KEYS], [ends["action"]], constants
+        )
+        opset = onnx.helper.make_opsetid("", 17)
+        model = onnx.helper.make_model(graph, opset_imports=[opset], ir_version=9)
+        path.write_bytes(model.SerializeToString())
+
 
 def main() -> None:
     seen, done = demonstrations(Path(sys.argv[1]))
     network = Network(seen, done)
+    network.save(Path("clone.onnx"))
     env = DissectionEnv(exercise="window", time_limit=20.0)
     env.action_space.seed(1)
     hands = {

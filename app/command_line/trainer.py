@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from app.haptics.servo_process import FeltSetting, ServoProcess
     from app.simulation import RunFile
+    from app.trainer.client.beside import StartCompanion
     from app.trainer.server.trainer import Trainer
     from organ_geometry import Organ
 
@@ -40,6 +41,10 @@ def trainer(
     replay: Annotated[
         Path | None,
         typer.Option(help="A run that pages open on, as the trainer's JSON download."),
+    ] = None,
+    policy: Annotated[
+        Path | None,
+        typer.Option(help="ONNX file of a policy that may act beside a trainee (docs/rl.md)."),
     ] = None,
     mode: Annotated[
         str | None,
@@ -89,6 +94,7 @@ def trainer(
             raise ValueError("--second-haptics is of a second device: give --haptics")
         devices.append((second_haptics, second_haptics_address or haptics_address))
     servo = None if haptics is None else _servo(devices, haptics_hand)
+    beside = None if policy is None else _beside(policy)
     run = None if replay is None else _replayed(replay, served.organ)
     if run is not None:
         if scene == "calot":
@@ -97,7 +103,12 @@ def trainer(
 
     def start() -> "Trainer":
         return served.start(
-            token=token, scene=scene, replay=run, exercise_inputs=exercise_inputs, haptics=servo
+            token=token,
+            scene=scene,
+            replay=run,
+            exercise_inputs=exercise_inputs,
+            policy=beside,
+            haptics=servo,
         )
 
     def say(running: "Trainer") -> None:
@@ -117,6 +128,17 @@ def _given_token(file: Path | None) -> str | None:
     if file is None:
         return os.environ.get(TOKEN_VARIABLE) or None
     return file.read_text(encoding="utf-8", errors="replace").strip()
+
+
+def _beside(file: Path) -> "StartCompanion":
+    """Return what starts a policy beside a trainee."""
+    try:
+        from app.rl.companion import Companion
+        from app.rl.policy import Policy
+    except ImportError as error:
+        raise ValueError(f"this needs {error.name}: pip install 'bluntdissect[policy]'") from None
+    policy = Policy(file)
+    return lambda session, ghost: Companion(policy, session, ghost=ghost)
 
 
 def _replayed(file: Path, organ: "Organ") -> "RunFile":

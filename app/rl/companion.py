@@ -33,6 +33,10 @@ class Companion:
 
     Attributes
     ----------
+    session
+        What it works on: the trainee's, or the ghost's.
+    hands
+        Numbers of the hands that it leads there.
     fault
         Why it has stopped, or nothing.
 
@@ -43,7 +47,7 @@ class Companion:
     """
 
     def __init__(self, policy: Policy, session: Session, *, ghost: bool) -> None:
-        self._policy, self._session, self.is_ghost = policy, session, ghost
+        self._policy, self._trainees, self.is_ghost = policy, session, ghost
         exercise = session.run.exercise
         if exercise is None or session.run.over:
             raise ValueError("a policy acts in an exercise: start one")
@@ -60,6 +64,7 @@ class Companion:
             raise ValueError("a policy of one hand leads no second one; it can be a ghost")
         self.episode = Episode(task) if ghost else Episode(task, session)
         policy.check(self.episode)
+        self.session = self.episode.session
         self.hands = tuple(range(task.hands))[0 if ghost else -1 :]
         self.fault = ""
         self._answer: Answer | None = None
@@ -72,12 +77,12 @@ class Companion:
     def acts(self) -> bool:
         """Whether it is at work."""
         episode = self.episode
-        over = self._session.run.over or episode.terminated or episode.truncated
+        over = self._trainees.run.over or episode.terminated or episode.truncated
         return not over and not self.fault
 
     def tick(self) -> None:
         """Lead its hands for a tick, before the session advances; a ghost advances with it."""
-        if not self._session.run.going or not self.acts:
+        if not self._trainees.run.going or not self.acts:
             return
         episode = self.episode
         if not self._left and not self._decide():
@@ -119,8 +124,8 @@ class Companion:
         """Have the instrument that the policy was trained with in its hand."""
         task, (hand,) = self.episode.task, self.hands
         wanted = task.first_instruments[hand]
-        if not task.free_choice and self._session.tissue.hands[hand].instrument != wanted:
-            self._session.choose_instrument(hand, wanted)
+        if not task.free_choice and self._trainees.tissue.hands[hand].instrument != wanted:
+            self._trainees.choose_instrument(hand, wanted)
 
     def stop(self) -> None:
         """Leave what it is at work on."""

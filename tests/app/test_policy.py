@@ -39,7 +39,7 @@ def test_a_ghost_does_what_the_policy_does_alone_to_the_bit(policy: Policy) -> N
     session = opened(5)
     ghost = Companion(policy, session, ghost=True)
     ghost.tick()
-    assert not ghost.episode.session.run.ticks  # it waits for the trainee's first input
+    assert not ghost.session.run.ticks  # it waits for the trainee's first input
     session.open_jaws(1, 3.0)
     for _ in range(300):
         ghost.tick()
@@ -48,12 +48,12 @@ def test_a_ghost_does_what_the_policy_does_alone_to_the_bit(policy: Policy) -> N
     env = DissectionEnv(exercise="window", ticks_per_step=2, speed=40.0)
     observed, _ = env.reset(options={"bed_seed": 5})
     over = False
-    while not over and env.run_file().log.ticks < ghost.episode.session.run.ticks:
+    while not over and env.run_file().log.ticks < ghost.session.run.ticks:
         action = policy.ask(observed).action(10.0)
         assert action is not None
         observed, _, terminated, truncated, _ = env.step(action.astype(np.float32))
         over = terminated or truncated
-    alone, beside = env.run_file(), ghost.episode.session.run_file()
+    alone, beside = env.run_file(), ghost.session.run_file()
     assert len(alone.log.inputs) > 20
     assert beside.log == alone.log
     assert beside.metrics == alone.metrics

@@ -26,6 +26,7 @@ from app.simulation import (
     Spread,
     Vector,
 )
+from app.trainer.client.beside import Beside, Role, StartCompanion
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.client.workers import Workers, explained
 from app.trainer.scene.drag_proxy import Hold
@@ -50,6 +51,7 @@ COUNTED: dict[ExerciseInputs, str] = {
 }
 NOWHERE = "No hand can hold the duct at a clamp, or where the other hand holds it."
 TORN = "A torn duct holds no pull. Press Reset (R) for a new one."
+BY_POLICY = "The policy has this hand until the exercise is over."
 TAKES = "button a takes the duct below the hook and lets go of it, as the keys X and G do"
 
 
@@ -57,7 +59,7 @@ def check_drawn(run: RunFile) -> None:
     """Raise a `ValueError` where no page can show a run."""
     if run.log.start.anatomy is not None:
         raise ValueError(
-            "this run is of an anatomy of several tubes, which pages do not draw yet; "
+            "this run is of an anatomy of several tubes, which pages do not replay yet; "
             "bluntdissect replay prints what happened"
         )
 
@@ -69,7 +71,7 @@ class PageState:
     `colours`, `overlay` (the model's points), `plain` (the simple picture) and `into_picture`
     (whether drags go there) are the client's choices; `last_run` the last run that ended or was
     given up, to be judged and replayed, and `kept` is called when there is one.
-    `exercise_inputs` says which inputs count in exercises.
+    `exercise_inputs` says which inputs count in exercises, and `policy` starts one beside them.
     """
 
     def __init__(
@@ -78,7 +80,9 @@ class PageState:
         session: Session,
         workers: Workers,
         exercise_inputs: ExerciseInputs = "hand",
+        policy: StartCompanion | None = None,
     ) -> None:
+        self.beside = Beside(policy, self.refuse)
         self.client, self.session, self.workers = client, session, workers
         self.exercise_inputs: ExerciseInputs = exercise_inputs
         self.last_run: RunFile | None = None
@@ -312,6 +316,17 @@ class PageState:
         session, inputs = self.session, self.exercise_inputs
         self._renew(lambda: session.start_exercise(exercise, feedback, grasp, inputs))
 
+    def choose_policy(self, role: Role) -> None:
+        """Choose what a policy does beside exercises: from the next one on if one goes on."""
+        self.beside.role = role
+        if role == "none" or not self.session.run.going:
+            self.beside.begin(self.session)
+        self._changed = True
+
+    def advance(self, ticks: int) -> bool:
+        """Advance the session and what acts beside it; return whether anything has moved."""
+        return not self.paused and self.beside.advance(self.session, ticks)
+
     def start_again(self, run: RunFile) -> None:
         """Start the exercise of a run again."""
         if run.log.exercise is not None:
@@ -322,7 +337,10 @@ class PageState:
         self.release_hand()
         self.keep_run()
         start()
+        self.beside.begin(self.session)
         self.hand = min(self.hand, len(self.hands) - 1)
+        if self.beside.leads(self.hand):
+            self.hand = 0
         self.paused = False
         self.pulls += 1
         self._changed = True
@@ -498,7 +516,7 @@ class PageState:
 
     def open_jaws(self, opening: float) -> None:
         """Open or close the active hand's dissector, mm between its jaws."""
-        if self.playback is None and not self.is_closed():
+        if self.playback is None and not self.is_closed() and not self.refuses(self.hand):
             self.session.open_jaws(self.hand, opening)
 
     def open_more(self, more: float) -> None:
@@ -510,6 +528,9 @@ class PageState:
 
     def let_go(self, hand: int) -> None:
         """Let a hand go of the duct."""
+        if self.beside.leads(hand):
+            self.refuse(BY_POLICY)
+            return
         if hand < self.device_hands:
             if not self.device_holds[hand]:
                 self.refuse("Release the button of the device.")
@@ -522,7 +543,7 @@ class PageState:
     def take_or_let_go(self) -> None:
         """Let the active hand take the duct below its tip, or let go of what it holds."""
         holder = self.hands[self.hand]
-        if holder.node is not None:
+        if holder.node is not None or self.beside.leads(self.hand):
             self.let_go(self.hand)
         elif self.hand < self.device_hands:
             self.device_holds[self.hand] = True
@@ -610,7 +631,10 @@ class PageState:
         return closed
 
     def refuses(self, hand: int) -> bool:
-        """Return whether a device has the hand; then tell the client so."""
+        """Return whether a device or a policy has the hand; then tell the client so."""
+        if self.beside.leads(hand):
+            self.refuse(BY_POLICY)
+            return True
         if hand < self.device_hands:
             self.refuse(f"The hand on the device has this hook ({self.device}).")
         return hand < self.device_hands

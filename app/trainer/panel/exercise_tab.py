@@ -5,8 +5,9 @@ import html
 import viser
 
 from app.simulation import Exercise, Feedback, exercises_offered
+from app.trainer.client.beside import Role
 from app.trainer.client.page_state import PageState
-from app.trainer.panel.controls import note, on_click, on_input, set_if_changed
+from app.trainer.panel.controls import Choice, note, on_click, on_input, set_if_changed
 
 __all__ = ["ExerciseTab"]
 
@@ -15,6 +16,12 @@ FEEDBACK = {
     "Fading, gone after 30 s": Feedback.FADING,
     "Only in the result": Feedback.SUMMARY,
 }
+ROLES: dict[Role, tuple[str, str]] = {
+    "none": ("None", "You alone"),
+    "hand": ("Second hand", "A policy leads the right hand; you have the left one"),
+    "ghost": ("Ghost", "A policy does the same exercise beside you, drawn as lines"),
+}
+"""What the policy that the trainer was started with may do."""
 NONE, AWAITED = "None for this duct", "Working out its limits"
 
 
@@ -34,6 +41,10 @@ class ExerciseTab:
             tuple(FEEDBACK),
             hint="When you see the figures. Who always sees them comes to depend on them; less "
             "feedback is harder, and teaches more",
+        )
+        beside = state.beside.offered and not state.in_plane
+        self._beside = (
+            Choice(gui, "Policy", ROLES, state.choose_policy, slow=True) if beside else None
         )
         self._start = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY, disabled=True)
         self._stop = gui.add_button(
@@ -89,6 +100,8 @@ class ExerciseTab:
         """Show the state of the exercise."""
         state = self._state
         run, busy = state.session.run, state.in_exercise
+        if self._beside is not None:
+            self._beside.show(state.beside.role, active=not busy)
         if not busy:
             self.take_offers()
         for handle, visible in (
@@ -107,6 +120,8 @@ class ExerciseTab:
         if busy:
             set_if_changed(self._progress, value=round(100.0 * run.progress, 1))
             limit = run.exercise.time_limit_s if run.exercise else 0.0
+            ghost = state.beside.ghost
+            its = "" if ghost is None else f"<br>The ghost is at {100.0 * ghost.run.progress:.0f} %"
             text = (
                 f"{run.seconds:.0f} s of {limit:.0f} s"
                 if run.started
@@ -114,7 +129,7 @@ class ExerciseTab:
             )
             standing = run.standing if state.figures_visible else ""
             content = note(
-                f"<b>{text}</b><br>{html.escape(standing[:1].upper() + standing[1:])}",
+                f"<b>{text}</b><br>{html.escape(standing[:1].upper() + standing[1:])}{its}",
                 "exercise-state",
             )
             set_if_changed(self._status, content=content)

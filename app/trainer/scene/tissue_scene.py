@@ -15,6 +15,7 @@ from app.simulation import Hand, Phase, Preset, Reading, Session
 from app.trainer.scene.annotations import Annotations
 from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.scene.force_arrow import ForceArrow
+from app.trainer.scene.policy_ghost import PolicyGhost
 from app.trainer.stage.appearance import Appearance, appearance_of, drawn_radius
 from app.trainer.stage.camera import ELEVATION
 from app.trainer.stage.contact import Contact, HookPlace, sink
@@ -79,6 +80,7 @@ class TissueScene:
         self._instruments: list[DrawnInstrument] = []
         self._values: list[NDArray[np.float32]] = []
         self._arrows: list[ForceArrow] = []
+        self._ghost: PolicyGhost | None = None
         self._annotations = Annotations(client)
         # Once for the client, not for each stage: viser keeps callbacks as long as the client.
         # It does not keep a scene that has been removed.
@@ -136,6 +138,18 @@ class TissueScene:
             self._show(None if colours == "tissue" else self.values(colours))
             self._annotations.draw(session, reading, figures=figures, overlay=overlay)
 
+    def show_ghost(self, ghost: Session | None) -> None:
+        """Draw a policy's ghost beside the session, or none."""
+        if ghost is None:
+            if self._ghost is not None:
+                self._ghost.remove()
+                self._ghost = None
+            return
+        if self._ghost is None:
+            self._ghost = PolicyGhost(self._client.scene, ghost.spatial)
+            self._ghost.visible = True
+        self._ghost.show(ghost.spatial)
+
     def say_standing(self, *, figures: bool) -> None:
         """Write at a goal what to do now; the text changes with time even if nothing moves."""
         self._annotations.say_standing(self._session, figures=figures)
@@ -162,6 +176,7 @@ class TissueScene:
     def remove(self) -> None:
         """Remove everything from the scene; the next `draw` builds it anew."""
         self._clear()
+        self.show_ghost(None)
         self._annotations.remove()
         for drawn in self._drawn:
             drawn.tissue.remove()

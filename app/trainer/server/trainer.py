@@ -25,6 +25,7 @@ from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, RunFile, Session, free_specimen
 from app.trainer.classroom.lesson import Lesson, WatchRequest
 from app.trainer.classroom.teacher_page import TeacherPage
+from app.trainer.client.beside import StartCompanion
 from app.trainer.client.haptic_hand import HapticHand, felt_in
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import OLDER_NAMES, SCENES, Practice, SceneName
@@ -102,6 +103,8 @@ class Trainer:
         Of a surface that is downloaded, about.
     exercise_inputs
         Which inputs count in exercises; "any" allows sliders and keys, and each run says so.
+    policy
+        Starts a policy beside an exercise, as its second hand or a ghost; None for none.
     haptics
         Starts the servo of a device for a first setting; None for no device.
     metrics
@@ -142,6 +145,7 @@ class Trainer:
         build_process: BuildProcess | None = None,
         export_vertices: int = EXPORT_VERTICES,
         exercise_inputs: ExerciseInputs = "hand",
+        policy: StartCompanion | None = None,
         haptics: Callable[[FeltSetting], ServoProcess] | None = None,
         metrics: bool = False,
         tls: ssl.SSLContext | None = None,
@@ -168,7 +172,7 @@ class Trainer:
         self._host = host
         self._scene: SceneName = scene or "bed"
         self._look: LookChoice = look
-        self._replay = replay
+        self._replay, self._policy = replay, policy
         self._views: dict[int, PageView] = {}
         self._tokens: dict[int, str] = {}
         self._views_lock = threading.Lock()
@@ -299,6 +303,7 @@ class Trainer:
                         self._workers,
                         self._look,
                         exercise_inputs=self._exercise_inputs,
+                        policy=self._policy,
                         ready=self.warm_up.wait,
                         on_page_ready=on_page_ready,
                     )

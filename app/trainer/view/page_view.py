@@ -8,6 +8,7 @@ import viser
 
 from app.anatomy import Anatomy, anatomy_network
 from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, RunFile, Session
+from app.trainer.client.beside import StartCompanion
 from app.trainer.client.page_state import EXERCISE_GOES_ON, PageState
 from app.trainer.client.practice import Practice, SceneName
 from app.trainer.client.scope_lead import ScopeLead
@@ -89,6 +90,8 @@ class PageView:
         "plain" for slow machines; "auto" changes to it where the page draws too slowly.
     exercise_inputs
         Which inputs count in exercises.
+    policy
+        Starts a policy beside an exercise, if there is one.
     ready
         Waits until what a scene needs is compiled: the first one is ready.
     on_page_ready
@@ -112,6 +115,7 @@ class PageView:
         look: LookChoice,
         *,
         exercise_inputs: ExerciseInputs = "hand",
+        policy: StartCompanion | None = None,
         ready: Callable[[SceneName], object] = lambda _: None,
         on_page_ready: Callable[["PageView"], object] = lambda _: None,
         scene: Callable[[viser.ClientHandle, Session, Look], Scene] = TissueScene,
@@ -120,6 +124,7 @@ class PageView:
         self.client, self._practice, self._workers = client, practice, workers
         self._look: LookChoice = look
         self._exercise_inputs: ExerciseInputs = exercise_inputs
+        self._policy = policy
         self._ready, self._on_page_ready = ready, on_page_ready
         self._make_scene, self._make_panel = scene, panel
         self.frames = 0
@@ -206,7 +211,9 @@ class PageView:
     def _open(self, scene: SceneName, *, plain: bool) -> None:
         """Send the client a scene, which is ready, and its panel."""
         session = self._practice.session(scene)
-        self.state = state = PageState(self.client, session, self._workers, self._exercise_inputs)
+        self.state = state = PageState(
+            self.client, session, self._workers, self._exercise_inputs, self._policy
+        )
         state.plain = plain
         look: Look = "plain" if plain else "full"
         anatomy = session.specimen.anatomy
@@ -296,7 +303,7 @@ class PageView:
         scene_moved = self._scene.advance(ticks)
         if (playback := state.playback) is not None:
             return playback.tick(ticks) or scene_moved
-        return (not state.paused and self.session.advance(ticks)) or scene_moved
+        return state.advance(ticks) or scene_moved
 
     def _has_news(self) -> bool:
         """Return whether the panel has something to tell although nothing has moved."""
@@ -316,6 +323,8 @@ class PageView:
             figures=state.figures_visible,
             overlay=state.overlay,
         )
+        if isinstance(scene, TissueScene):
+            scene.show_ghost(None if state.playback is not None else state.beside.ghost)
 
     def _tell(self) -> None:
         """Bring the panel up to date, announce a tear, and show the result of an exercise."""
