@@ -37,7 +37,8 @@ def trainer_with_policy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tr
 
 def begin(tab: TrainerPage, view: PageView, role: str) -> None:
     tab.open("Learn")
-    tab.wait_until(lambda: view._panel._exercises._offered)
+    start = tab.page.get_by_role("button", name="Start", exact=True)
+    expect(start).to_be_enabled()  # its exercises are found
     tab.page.get_by_role("group", name="Policy").get_by_role("button", name=role).click()
     tab.wait_until(lambda: view.state.beside.role == {"Second hand": "hand"}.get(role, "ghost"))
     tab.press("Start")
