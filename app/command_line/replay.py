@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
 __all__ = ["replay"]
 
-# Kinds of file that play a run, by suffix.
-PLAYED = (".glb", ".html")
+# Kinds of file that play a run, and those that have its end, by suffix.
+PLAYED = (".glb", ".html", ".pvd")
+MOMENT = (".vtp", ".stl", ".ply", ".obj")
+SERIES_FRAMES = 60
 MOST_ERRORS = 20
 
 
@@ -33,14 +35,17 @@ def replay(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="File that plays the run: a rigged .glb or a page, .html."
+            "--output",
+            "-o",
+            help="File of the run: a rigged .glb, a page, .html, or a series with stresses, .pvd; "
+            "its end as .vtp, .stl, .ply or .obj.",
         ),
     ] = None,
     frames: Annotated[
         int | None,
         typer.Option(
             help="With -o: keys up to the end or the tear.",
-            show_default="each tick, at most 2,000; of a page 300",
+            show_default="each tick, at most 2,000; of a page 300, of a series 60",
         ),
     ] = None,
     edge_length: Annotated[
@@ -64,14 +69,11 @@ def replay(
     from app.versions import versions
     from organ_geometry import check_target, write_atomic
 
-    if output is not None:
-        _check_output(output)
-    elif frames is not None or edge_length is not None:
-        raise ValueError("--frames and --edge-length are of a file that plays the run: give -o")
+    if output is None and (frames is not None or edge_length is not None):
+        raise ValueError("--frames and --edge-length are of a file of the run: give -o")
     original = read_run(read_bounded(run, MOST_BYTES, "run"))
-    several = original.log.start.anatomy is not None
-    if several and output is not None and output.suffix.lower() != ".glb":
-        raise ValueError(f"cannot write {output}: a run at several tubes is played by a .glb")
+    if output is not None:
+        _check_output(output, original.log, frames)
     if csv is not None:
         check_target(csv)
     shape = organ_from(organ)
@@ -112,49 +114,82 @@ def replay(
     lines += _errors(incidents)
     answer(result | played | facts, lines, as_json=as_json, width=28)
     if played and not as_json:
-        print(f"{output}: the run in {played['keys']:,} keys, {played['bytes']:,} bytes")
+        what = "the end of the run" if played["keys"] == 1 else f"the run in {played['keys']} keys"
+        print(f"{output}: {what}, {played['bytes']:,} bytes")
 
 
-def _check_output(path: Path) -> None:
+def _check_output(path: Path, log: "RunLog", frames: int | None) -> None:
+    """Raise if a file of a run cannot be written."""
+    from app.export.vtk_series import check_series_path
     from organ_geometry import check_target
 
-    if path.suffix.lower() not in PLAYED:
+    suffix, kinds = path.suffix.lower(), (*PLAYED, *MOMENT)
+    if suffix not in kinds:
         raise ValueError(
-            f"cannot write {path}: a run is played by one of {', '.join(PLAYED)}; its name must "
+            f"cannot write {path}: a run is written as one of {', '.join(kinds)}; its name must "
             f"end so"
         )
-    check_target(path)
+    if suffix == ".html" and log.start.anatomy is not None:
+        raise ValueError(f"cannot write {path}: a page plays one duct; take a .glb or a .pvd")
+    if suffix not in (".glb", ".html") and log.start.theory is not None:
+        raise ValueError(
+            f"cannot write {path}: of a pull without a bed a run is a .glb or an .html; "
+            f"bluntdissect export writes its meshes"
+        )
+    if suffix in MOMENT and frames is not None:
+        raise ValueError(f"--frames is of a file that plays the run; {suffix} has its end")
+    if suffix == ".pvd":
+        check_series_path(path)
+    else:
+        check_target(path)
 
 
 def _write_played(
-    log: "RunLog", organ: "Organ", path: Path, frames: int | None, edge_length: float | None
+    log: "RunLog",
+    organ: "Organ",
+    path: Path,
+    frames: int | None,
+    edge_length: float | None,
 ) -> dict[str, object]:
-    """Write a file that plays a run, and return its description."""
+    """Write a file of a run, and return its description."""
     from app.export.motion import MOST_FRAMES, PAGE_FRAMES
-    from app.export.recorded_run import RecordedRun
+    from app.export.organ_export import write_moment, write_moments
+    from app.export.recorded_run import rigged_runs, run_snapshots
+    from app.export.recorded_tubes import recorded_runs
     from organ_geometry import write_atomic
 
-    rigged = path.suffix.lower() == ".glb"
-    if log.start.anatomy is not None:
-        from app.export.recorded_tubes import recorded_tubes, rigged_tubes
-
-        tubes = recorded_tubes(log, organ, frames=PAGE_FRAMES if frames is None else frames)
-        content = rigged_tubes(tubes, edge_length=0.5 if edge_length is None else edge_length)
-        write_atomic(path, content)
-        keys = len(next(iter(tubes.values())).motion.times)
-        return {"file": str(path), "bytes": len(content), "keys": keys}
+    suffix = path.suffix.lower()
     if frames is None:
-        frames = MOST_FRAMES if rigged else PAGE_FRAMES
-    run = RecordedRun.of_log(log, organ, frames=frames)
-    if rigged:
-        content = run.rigged(edge_length=0.5 if edge_length is None else edge_length)
+        most = {".glb": MOST_FRAMES, ".html": PAGE_FRAMES, ".pvd": SERIES_FRAMES}
+        frames = most.get(suffix, 2)
+    runs = recorded_runs(log, organ, frames=frames)
+    edges = 0.5 if edge_length is None else edge_length
+    keys = len(runs[0].motion.times)
+    if suffix == ".pvd":
+        result = write_moments(run_snapshots(runs, edge_length=edges), path)
+        keys = len({*runs[0].motion.times.tolist()})
+    elif suffix in MOMENT:
+        ((_, moment),) = run_snapshots(runs, edge_length=edges, last=True)
+        result, keys = write_moment(moment, path), 1
     else:
-        from app.trainer.pages.html_player import page_edge_length, run_page
+        if suffix == ".glb":
+            content = rigged_runs(runs, edge_length=edges)
+        else:
+            from app.trainer.pages.html_player import page_edge_length, run_page
 
-        edges = page_edge_length(run.dissection.organ) if edge_length is None else edge_length
-        content = run_page(run, edge_length=edges).encode()
-    write_atomic(path, content)
-    return {"file": str(path), "bytes": len(content), "keys": len(run.motion.times)}
+            (run,) = runs
+            edges = page_edge_length(run.dissection.organ) if edge_length is None else edge_length
+            content = run_page(run, edge_length=edges).encode()
+        write_atomic(path, content)
+        return {"file": str(path), "files": 1, "bytes": len(content), "keys": keys}
+    size = sum(file.stat().st_size for file in result.files)
+    return {
+        "file": str(path),
+        "files": len(result.files),
+        "bytes": size,
+        "keys": keys,
+        "surfaces": list(result.surfaces),
+    }
 
 
 def _lines(metrics: "Metrics") -> list[tuple[str, str]]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.export.motion import RUN_STEP, Motion, MotionKey, recoil_times
+from app.export.motion import RUN_STEP, WHOLE, Motion, MotionKey, recoil_times
 from app.export.strands import BedTrack, stubs
 from app.simulation import BeddedSurface, Dissection, Phase, Reading, tear_front, tear_swing
 from physics import RuptureCheck
@@ -22,22 +22,47 @@ Floats = NDArray[np.float64]
 
 
 class BedRecorder:
-    """Takes down a motion of a duct on its bed; a `divided` one has no second clamp."""
+    """Takes down a motion of a duct on its bed; a `divided` one has no second clamp.
+
+    Of several tubes it takes down the one that `surface` is of, and the `strands` that hold it, by
+    their numbers.
+    """
 
     def __init__(
-        self, dissection: Dissection, surface: BeddedSurface, *, divided: bool = False
+        self,
+        dissection: Dissection,
+        surface: BeddedSurface,
+        *,
+        divided: bool = False,
+        strands: NDArray[np.int64] | None = None,
     ) -> None:
         self._dissection, self._surface, self._divided = dissection, surface, divided
+        held = np.arange(surface.strands.count) if strands is None else strands
+        self._held, self._on_tubes = held, np.flatnonzero(surface.strands.to >= 0)
         self._keys: list[MotionKey] = []
-        self._states: list[tuple[Floats, Floats, float, Floats, Floats]] = []
+        self._states: list[tuple[Floats, Floats, Floats, float, Floats, Floats]] = []
         self._tear: float | None = None
 
-    def add(self, time: float, beam: BeamOnBed, reading: Reading) -> None:
-        """Take down the whole duct as it is now, at a time, s."""
-        transforms = self._dissection.rest_transforms()
-        if self._keys:  # the first stays the identity to the bit
+    def add(
+        self,
+        time: float,
+        beam: BeamOnBed,
+        reading: Reading,
+        element: int = -1,
+        front: float = WHOLE,
+    ) -> None:
+        """Take down the duct as it is now, at a time, s.
+
+        A duct in two is without its `element`, and the tear has run as far as `front`.
+        """
+        transforms, second = self._dissection.rest_transforms(), None
+        if element >= 0:
+            second = self._surface.move(beam, transforms.copy(), 1, element)
+            self._surface.move(beam, transforms, 0, element)
+            self._tear = self._middle(beam, element)
+        elif self._keys:  # the first stays the identity to the bit
             self._surface.move(beam, transforms)
-        self._keys.append(MotionKey(time, transforms, reading))
+        self._keys.append(MotionKey(time, transforms, reading, front, second))
         self._states.append(self._state(beam))
 
     def add_tear(
@@ -64,8 +89,7 @@ class BedRecorder:
             holding=(False,) * len(last.reading.holding),
         )
         torn = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
-        middle = beam.stations[element : element + 2].mean() / self._surface.scale
-        self._tear = self._dissection.clamps[0] + float(middle)
+        self._tear = self._middle(beam, element)
         for elapsed in recoil_times(run_step).tolist():
             front, swing = tear_front(elapsed), tear_swing(elapsed)
             first, second = (self._swung(last.transforms, each, swing) for each in hung)
@@ -77,16 +101,39 @@ class BedRecorder:
         """Return the motion that was taken down."""
         stations, ends, feet = self._surface.strands_at_rest()
         feet, ends = stubs(feet, ends)
-        states = map(np.array, zip(*self._states, strict=True))
+        shifts, *states = map(np.array, zip(*self._states, strict=True))
         track = BedTrack(
-            self._surface, stations, feet, ends, *states, tear=self._tear, divided=self._divided
+            self._surface,
+            stations,
+            feet,
+            ends,
+            self._on_tubes,
+            shifts,
+            *states,
+            tear=self._tear,
+            divided=self._divided,
         )
         return Motion.of(name, self._keys, track)
 
-    def _state(self, beam: BeamOnBed) -> tuple[Floats, Floats, float, Floats, Floats]:
-        force = beam.strands.forces(beam.strand_ends(), beam.damage)
-        at = beam.stations / self._surface.scale
-        return beam.damage, force, beam.freed, at, beam.stresses()
+    def _state(self, beam: BeamOnBed) -> tuple[Floats, Floats, Floats, float, Floats, Floats]:
+        surface, strands, held, on_tubes = (
+            self._surface, self._surface.strands, self._held, self._on_tubes,
+        )  # fmt: skip
+        damage, feet = beam.damage[held], beam.strand_feet(held)
+        shifts = (feet[on_tubes] - strands.feet[on_tubes]) @ self._dissection.frame.T
+        return (
+            shifts,
+            damage,
+            strands.forces(beam.strand_ends(held), feet, damage),
+            beam.freed_of(surface.tube),
+            beam.stations_of(surface.tube) / surface.scale,
+            beam.stresses()[beam.elements_of(surface.tube)],
+        )
+
+    def _middle(self, beam: BeamOnBed, element: int) -> float:
+        """Return where an element's middle is, mm along the organ's axis."""
+        ends = beam.stations_of(self._surface.tube)[element : element + 2]
+        return self._dissection.clamps[0] + float(ends.mean() / self._surface.scale)
 
     def _swung(self, start: Floats, end: Floats, swing: float) -> Floats:
         """Return transforms a part of the way back from `end` to `start`, rigid as both are."""

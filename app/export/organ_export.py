@@ -2,20 +2,20 @@
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 
 from app.export.motion import Motion
-from app.export.rigged_organ import ORGAN, rigged_organ
-from app.export.snapshot import Snapshot
+from app.export.rigged_organ import rigged_organ
+from app.export.snapshot import ORGAN, Snapshot
 from app.export.vtk_series import check_series_path, snapshot_contents, write_series
 from app.simulation import PIECES, Dissection, Specimen
 from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import COLORED_SUFFIXES, TornPiece, mesh_content, organ_skin, stress_colors
 from organ_geometry.mesh import SUFFIXES as MESH_SUFFIXES
 
-__all__ = ["SUFFIXES", "ExportResult", "OrganExport"]
+__all__ = ["SUFFIXES", "ExportResult", "OrganExport", "write_moment", "write_moments"]
 
 SUFFIXES = (*MESH_SUFFIXES, ".vtp", ".pvd", ".csv")
 """Suffixes of the files that can be written."""
@@ -144,16 +144,8 @@ class OrganExport(ABC):
         self.check(path)
         suffix = path.suffix.lower()
         if suffix == ".pvd":
-            return self._write_series(path)
-        contents, result = self._written(suffix)
-        files = {
-            path.with_name(f"{path.stem}{end}{path.suffix}"): contents[end] for end in contents
-        }
-        for file in files:
-            check_target(file)
-        for file, content in files.items():
-            write_atomic(file, content)
-        return replace(result, files=tuple(files))
+            return write_moments(self.snapshots(), path)
+        return _write(path, *self._written(suffix))
 
     def content(self, suffix: str) -> bytes:
         """Return what the file would hold."""
@@ -170,31 +162,7 @@ class OrganExport(ABC):
         if suffix == ".glb" and self.moves:
             model, result = self._rigged()
             return {"": model}, result
-        snapshot = self.snapshot()
-        kind = "one closed surface" if len(snapshot.surfaces) == 1 else "two closed pieces"
-        if suffix == ".vtp":
-            contents = snapshot_contents(snapshot)
-            kind += " and strands" if snapshot.strands is not None else ""
-        else:
-            shown = snapshot.stresses if self.stress_colors else ()
-            colors = [stress_colors(stress.distance_to_break) for stress in shown]
-            contents = {"": mesh_content(snapshot.surfaces, suffix, colors)}
-        return contents, ExportResult.of(kind, snapshot)
-
-    def _write_series(self, path: Path) -> ExportResult:
-        shown: deque[Snapshot] = deque(maxlen=1)  # the last one, when all are written
-        times: list[float] = []
-
-        def moments() -> Iterator[tuple[float, dict[str, bytes]]]:
-            for time, snapshot in self.snapshots():
-                shown.append(snapshot)
-                times.append(time)
-                yield time, snapshot_contents(snapshot)
-
-        files = write_series(moments(), path)
-        strands = " and their strands" if shown[0].strands is not None else ""
-        kind = f"a series of {len(times)} closed surfaces{strands}"
-        return ExportResult.of(kind, shown[0], tuple(files))
+        return _moment(self.snapshot(), suffix, colored=self.stress_colors)
 
     def _rigged(self) -> tuple[bytes, ExportResult]:
         organ = self.dissection.organ
@@ -214,3 +182,51 @@ class OrganExport(ABC):
             len(skin.faces),
             names,
         )
+
+
+def write_moment(snapshot: Snapshot, path: Path) -> ExportResult:
+    """Write one moment as closed surfaces; a VTP has stresses, and strands in a file beside it."""
+    return _write(path, *_moment(snapshot, path.suffix.lower()))
+
+
+def write_moments(snapshots: Iterable[tuple[float, Snapshot]], path: Path) -> ExportResult:
+    """Write a series of moments, each with its value, as a PVD and the files that it lists."""
+    shown: deque[Snapshot] = deque(maxlen=1)  # the last one, when all are written
+    times: list[float] = []
+
+    def moments() -> Iterator[tuple[float, dict[str, bytes]]]:
+        for time, snapshot in snapshots:
+            shown.append(snapshot)
+            times.append(time)
+            yield time, snapshot_contents(snapshot)
+
+    files = write_series(moments(), path)
+    strands = " and their strands" if shown[0].strands is not None else ""
+    kind = f"a series of {len(times)} moments of closed surfaces{strands}"
+    return ExportResult.of(kind, shown[0], tuple(files))
+
+
+def _moment(
+    snapshot: Snapshot, suffix: str, *, colored: bool = False
+) -> tuple[dict[str, bytes], ExportResult]:
+    """Return files' contents by the endings of their names, and their description."""
+    count = len(snapshot.surfaces)
+    kind = "one closed surface" if count == 1 else f"{count} closed surfaces"
+    if suffix == ".vtp":
+        contents = snapshot_contents(snapshot)
+        kind += " and strands" if snapshot.strands is not None else ""
+    else:
+        shown = snapshot.stresses if colored else ()
+        colors = [stress_colors(stress.distance_to_break) for stress in shown]
+        contents = {"": mesh_content(snapshot.surfaces, suffix, colors)}
+    return contents, ExportResult.of(kind, snapshot)
+
+
+def _write(path: Path, contents: dict[str, bytes], result: ExportResult) -> ExportResult:
+    """Write files, whole or not at all, by the endings of their names."""
+    files = {path.with_name(f"{path.stem}{end}{path.suffix}"): contents[end] for end in contents}
+    for file in files:
+        check_target(file)
+    for file, content in files.items():
+        write_atomic(file, content)
+    return replace(result, files=tuple(files))

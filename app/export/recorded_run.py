@@ -1,13 +1,14 @@
 """Recorded runs as motions: what was done to the duct, key by key, and the tear it came to."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from app.export.bed_recorder import BedRecorder
 from app.export.motion import WHOLE, Motion, MotionKey, check_frames
-from app.export.rigged_organ import rigged_organ
-from app.export.snapshot import Snapshot, bed_snapshots
+from app.export.rigged_organ import Rig, rigged_organs
+from app.export.snapshot import NAMES, Snapshot, bed_snapshots
 from app.simulation import (
     AFTER_TEAR,
     FEW,
@@ -19,9 +20,8 @@ from app.simulation import (
 )
 from organ_geometry import Organ
 from organ_geometry.mesh import TornPiece, organ_skin
-from physics import RuptureCheck
 
-__all__ = ["RUN", "RecordedRun"]
+__all__ = ["RUN", "RecordedRun", "rigged_runs", "run_snapshots"]
 
 RUN = "run"
 """Name of the motion."""
@@ -34,7 +34,7 @@ class RecordedRun:
     dissection: Dissection
     motion: Motion
     seed: int  # of the torn rim's raggedness
-    cut: RuptureCheck | None = None  # where it comes apart, if the last reading does not say
+    names: tuple[str, str, str] = NAMES  # of the duct's mesh, and of its pieces'
 
     @classmethod
     def of_log(cls, log: RunLog, organ: Organ, *, frames: int) -> "RecordedRun":
@@ -93,26 +93,51 @@ class RecordedRun:
 
     def pieces(self, *, edge_length: float) -> tuple[TornPiece, TornPiece] | None:
         """Return the two pieces that the duct tore into."""
-        if not self.torn and self.cut is None:
+        if not self.torn:
             return None
-        check = self.cut or self.motion.readings[-1].check
-        return self.dissection.torn_at(check, edge_length=edge_length, seed=self.seed)
+        check, edges = self.motion.readings[-1].check, self.edges(edge_length)
+        return self.dissection.torn_at(check, edge_length=edges, seed=self.seed)
 
-    def at_end(self, *, edge_length: float) -> Snapshot:
-        """Return the duct at the end of a dissection, whole or in two pieces, with its strands."""
-        pieces = self.pieces(edge_length=edge_length)
-        keys = [len(self.motion.times) - 1]
-        return next(
-            bed_snapshots(self.dissection, self.motion, pieces, keys, edge_length=edge_length)
-        )
+    def edges(self, wanted: float) -> float:
+        """Return the length of the triangles' edges, mm: of a thin tube not above its radius."""
+        return min(wanted, self.dissection.organ.mean_radius)
 
-    def rigged(self, *, edge_length: float) -> bytes:
-        """Return the run as a binary glTF (`rigged_organ`)."""
-        organ = self.dissection.organ
-        return rigged_organ(
-            organ_skin(organ, edge_length=edge_length),
-            self.dissection.driving,
-            [self.motion],
-            self.pieces(edge_length=edge_length),
-            radius=organ.mean_radius,
+
+def rigged_runs(runs: Sequence[RecordedRun], *, edge_length: float) -> bytes:
+    """Return a run, of a duct or of several tubes, as a binary glTF: a mesh and a rig for each."""
+    return rigged_organs(
+        [
+            Rig(
+                organ_skin(run.dissection.organ, edge_length=run.edges(edge_length)),
+                run.dissection.driving,
+                # Strands between tubes would need joints of both: a file of several has none.
+                [run.motion if len(runs) == 1 else replace(run.motion, bed=None)],
+                run.pieces(edge_length=edge_length),
+                run.dissection.organ.mean_radius,
+                run.names,
+            )
+            for run in runs
+        ]
+    )
+
+
+def run_snapshots(
+    runs: Sequence[RecordedRun], *, edge_length: float, last: bool = False
+) -> Iterator[tuple[float, Snapshot]]:
+    """Yield a dissection at its keys, or at its last one: times, s, tubes and strands."""
+    times = runs[0].motion.times
+    # Where a duct comes apart two keys have one time.
+    keys = np.flatnonzero(np.diff(times, prepend=-1.0) > 0.0)[-1 if last else 0 :].tolist()
+    of_tubes = [
+        bed_snapshots(
+            run.dissection,
+            run.motion,
+            run.pieces(edge_length=edge_length),
+            keys,
+            edge_length=run.edges(edge_length),
+            names=run.names,
         )
+        for run in runs
+    ]
+    for key, *parts in zip(keys, *of_tubes, strict=True):
+        yield float(times[key]), Snapshot.joined(parts)

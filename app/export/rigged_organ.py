@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export.motion import Motion
+from app.export.snapshot import NAMES
 from app.export.strand_mesh import StrandMesh, strand_mesh
 from app.export.strands import BedTrack
 from app.export.torn_rim import RimShapes, rim_shapes
@@ -46,10 +47,8 @@ from organ_geometry.mesh import (
     turned,
 )
 
-__all__ = ["ORGAN", "STRANDS", "Rig", "rigged_organ", "rigged_organs"]
+__all__ = ["STRANDS", "Rig", "rigged_organ", "rigged_organs"]
 
-ORGAN = "organ"
-"""Name of the whole organ's mesh and its node."""
 STRANDS = "strands"
 """Name of the mesh of a bed's strands."""
 STRAND_FINISH = Finish((236, 226, 208), roughness=0.4)
@@ -82,13 +81,12 @@ class _Chain:
 class Rig(NamedTuple):
     """An organ that moves: what `rigged_organs` needs of each."""
 
-    name: str
     skin: Skin
     driving: DrivingPoints
     motions: Sequence[Motion]  # as many, and of the same names, for each organ of a file
     pieces: tuple[TornPiece, TornPiece] | None
     radius: float  # mm
-    piece_names: tuple[str, str] = PIECES
+    names: tuple[str, str, str] = NAMES  # of its mesh, and of its pieces'
 
 
 def rigged_organ(
@@ -100,7 +98,7 @@ def rigged_organ(
     radius: float,
 ) -> bytes:
     """Return an organ as a binary glTF that moves."""
-    return rigged_organs([Rig(ORGAN, skin, driving, motions, pieces, radius)])
+    return rigged_organs([Rig(skin, driving, motions, pieces, radius)])
 
 
 def rigged_organs(rigs: Sequence[Rig]) -> bytes:
@@ -138,15 +136,14 @@ class _Rigged:
     def __init__(self, file: GltfFile, rig: Rig) -> None:
         self._rig, motions, driving = rig, rig.motions, rig.driving
         first, last = _moving(motions)
-        self._whole = whole = _chain(
-            file, rig.name, driving, np.arange(first, last + 1), shown=True
-        )
-        mesh = _mesh(file, rig.name, rig.skin.bound_to(driving), whole)
-        file.add_root({"name": rig.name, "mesh": mesh, "skin": whole.skin})
+        named, *piece_names = rig.names
+        self._whole = whole = _chain(file, named, driving, np.arange(first, last + 1), shown=True)
+        mesh = _mesh(file, named, rig.skin.bound_to(driving), whole)
+        file.add_root({"name": named, "mesh": mesh, "skin": whole.skin})
         self._torn: list[tuple[_Chain, int, RimShapes]] = []
         self._holder = whole.root
         for number, piece in enumerate(rig.pieces or ()):
-            name, bound = rig.piece_names[number], piece.skin.bound_to(driving)
+            name, bound = piece_names[number], piece.skin.bound_to(driving)
             moved = [motion.of_piece(number) for motion in motions]
             rim = rim_shapes(piece, bound, moved, tolerance=RIM_TOLERANCE * rig.radius)
             start = min(max(first, bound.index.min()), bound.index.max())

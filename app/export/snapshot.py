@@ -1,6 +1,6 @@
 """Snapshots: an organ pulled or torn, as closed surfaces that stand where the organ stands."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,12 @@ from app.export.strands import StrandsSnapshot
 from app.simulation import PIECES, Dissection, Stresses, SurfaceStress
 from organ_geometry.mesh import Surface, TornPiece, organ_skin
 
-__all__ = ["Snapshot", "bed_snapshots"]
+__all__ = ["NAMES", "ORGAN", "Snapshot", "bed_snapshots"]
+
+ORGAN = "organ"
+"""Name of the whole organ's mesh."""
+NAMES = (ORGAN, *PIECES)
+"""Names of an organ's meshes: whole, and of its two pieces."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,9 +27,21 @@ class Snapshot:
     stresses: tuple[Stresses, ...]  # at the vertices of each
     force: float  # of the grasper, N; for torn pieces, at the break
     deflection: float  # of the grasp, mm; 0 for torn pieces, which have swung back
-    # (V,) share of strands that have parted about each vertex, and the strands; None without a bed
-    freed: NDArray[np.float32] | None = None
+    # share of strands that have parted about the vertices of each, and the strands, in a bed
+    freed: tuple[NDArray[np.float32], ...] = ()
     strands: StrandsSnapshot | None = None
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Snapshot]") -> "Snapshot":
+        """Return the snapshots of several tubes in beds, at one moment, as one."""
+        # Second pieces come last, so that a surface keeps its number when another tube tears.
+        of = [list(zip(each.surfaces, each.stresses, each.freed, strict=True)) for each in parts]
+        shown = [first for first, *_ in of] + [second for _, *seconds in of for second in seconds]
+        surfaces, stresses, freed = zip(*shown, strict=True)
+        strands = StrandsSnapshot.joined([each.strands for each in parts if each.strands])
+        return cls(
+            surfaces, stresses, parts[0].force, parts[0].deflection, freed=freed, strands=strands
+        )
 
 
 def bed_snapshots(
@@ -34,6 +51,7 @@ def bed_snapshots(
     keys: Iterable[int],
     *,
     edge_length: float,
+    names: tuple[str, str, str] = NAMES,
 ) -> Iterator[Snapshot]:
     """Yield an organ on its bed, or its two pieces, at some keys of a motion."""
     bed, torn = motion.bed, pieces or ()
@@ -50,8 +68,7 @@ def bed_snapshots(
             vertices = bound.deform(pose, np.empty_like(bound.skin.vertices))
             if not whole:
                 torn[number].open(float(motion.fronts[key]), vertices)
-            surfaces.append(Surface("organ" if whole else PIECES[number], bound.skin, vertices))
-        stations = np.concatenate([surface.skin.stations for surface in surfaces])
+            surfaces.append(Surface(names[0 if whole else 1 + number], bound.skin, vertices))
         yield Snapshot(
             tuple(surfaces),
             tuple(
@@ -60,6 +77,9 @@ def bed_snapshots(
             ),
             reading.force,
             reading.deflection,
-            bed.freed_at(key, stations - dissection.clamps[0]).astype(np.float32),
+            tuple(
+                bed.freed_at(key, each.skin.stations - dissection.clamps[0]).astype(np.float32)
+                for each in surfaces
+            ),
             motion.strands_at(key, dissection.driving),
         )

@@ -5,7 +5,8 @@ leaves a stub at either end: what it was at rest, up to `STUB_MM`, one fixed to 
 other to the organ.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,13 @@ class StrandsSnapshot:
     ends: Floats  # (S, 2, 3) on the organ, and the tip of the stub there, mm
     damage: Floats  # (S,) 0 whole to 1 parted
     force: Floats  # (S,) N
+
+    @classmethod
+    def joined(cls, parts: "Sequence[StrandsSnapshot]") -> "StrandsSnapshot":
+        """Return the strands of several tubes as one."""
+        return cls(
+            *(np.concatenate([getattr(each, name.name) for each in parts]) for name in fields(cls))
+        )
 
     @property
     def parted(self) -> NDArray[np.bool_]:
@@ -59,6 +67,8 @@ class BedTrack:
     strand_stations: Floats  # (S,) along the organ's axis, mm
     feet: Floats  # (S, 2, 3) as of a `StrandsSnapshot`, at rest
     ends: Floats  # (S, 2, 3) at rest
+    on_tubes: NDArray[np.intp]  # (K,) numbers of the strands whose feet are on another tube
+    shifts: Floats  # (T, K, 3) how far those feet have moved, mm
     damage: Floats  # (T, S) 0 whole to 1 parted
     force: Floats  # (T, S) N
     freed: Floats  # (T,) length of organ whose strands have parted, mm
@@ -83,7 +93,9 @@ class BedTrack:
         blended = (1.0 - weight) * transforms[index] + weight * transforms[index + 1]
         moved = self.ends + np.einsum("sij,spj->spi", blended[..., :3], self.ends)
         moved += blended[:, None, :, 3]
-        return StrandsSnapshot(self.feet, moved, self.damage[key], self.force[key])
+        feet = self.feet.copy()
+        feet[self.on_tubes] += self.shifts[key][:, None]
+        return StrandsSnapshot(feet, moved, self.damage[key], self.force[key])
 
     def freed_at(self, key: int, stations: Floats) -> Floats:
         """Return the share of strands that have parted about stations, mm from the first clamp."""

@@ -3,8 +3,10 @@
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.export.snapshot import Snapshot
 from app.export.strands import StrandsSnapshot
@@ -41,9 +43,12 @@ def _surface(snapshot: Snapshot) -> bytes:
         }
         for surface, stress in zip(surfaces, snapshot.stresses, strict=True)
     ]
-    point_data = {name: np.concatenate([each[name] for each in figures]) for name in figures[0]}
-    if snapshot.freed is not None:
-        point_data["freed"] = snapshot.freed
+    point_data: dict[str, NDArray[Any]] = {
+        name: np.concatenate([each[name] for each in figures]) for name in figures[0]
+    }
+    if snapshot.freed:
+        point_data["freed"] = np.concatenate(snapshot.freed)
+    point_data["surface"] = np.repeat(np.arange(len(surfaces), dtype=np.int32), np.diff(before))
     return vtp_content(
         np.concatenate([surface.vertices for surface in surfaces]),
         faces=np.concatenate(
@@ -53,6 +58,7 @@ def _surface(snapshot: Snapshot) -> bytes:
             ]
         ),
         point_data=point_data,
+        names={"surfaces": [surface.name for surface in surfaces]},
     )
 
 

@@ -38,7 +38,7 @@ class BeddedSurface:
         self, dissection: Dissection, rest: SpaceBeam, strands: Strands, tube: str | None = None
     ) -> None:
         self._dissection, self._rest, self.strands = dissection, rest, strands
-        self._tube = tube
+        self.tube = tube
         self.scale = rest.span / dissection.beam.span  # of stations on the beam over the duct's
         self._first = dissection.origin
         self._driven = self.scale * (dissection.driving.stations - dissection.clamps[0])
@@ -47,13 +47,13 @@ class BeddedSurface:
         self, beam: BeamOnBed, out: Floats, piece: int | None = None, torn_element: int = -1
     ) -> Floats:
         """Write the (D, 3, 4) transforms of the driving points, of a torn beam's piece 0 or 1."""
-        x, q, rest_x, rest_q = beam.shape_of(self._tube)
+        x, q, rest_x, rest_q = beam.shape_of(self.tube)
         _follow(
             self._driven,
             self._dissection.driving.positions,
             self._first,
             self._dissection.frame,
-            beam.stations_of(self._tube),
+            beam.stations_of(self.tube),
             x,
             q,
             rest_x,
@@ -68,7 +68,7 @@ class BeddedSurface:
         self, beam: BeamOnBed, threshold: float, stresses: Floats | None = None
     ) -> RuptureCheck:
         """Return the highest stress in the wall, held against the threshold, MPa."""
-        worst = beam.worst_stress(self._tube, stresses)
+        worst = beam.worst_stress(self.tube, stresses)
         return RuptureCheck(
             station=worst.station / self.scale,
             tension_side=1 if np.cos(worst.side) >= 0.0 else -1,

@@ -32,12 +32,17 @@ class _Appended:
     def element(self, name: str, array: NDArray[Any]) -> str:
         content = np.ascontiguousarray(array)
         components = f' NumberOfComponents="{array.shape[1]}"' if array.ndim > 1 else ""
-        element = (
-            f'<DataArray type="{_TYPES[array.dtype.str[1:]]}" Name={quoteattr(name)}{components} '
-            f'format="appended" offset="{self._length}"/>'
-        )
-        packed = zlib.compress(content.tobytes(), _EFFORT)
-        header = np.array([1, content.nbytes, 0, len(packed)], np.uint64).tobytes()
+        kind = f'type="{_TYPES[content.dtype.str[1:]]}" Name={quoteattr(name)}{components}'
+        return self._added(kind, content.tobytes())
+
+    def words(self, name: str, words: Sequence[str]) -> str:
+        kind = f'type="String" Name={quoteattr(name)} NumberOfTuples="{len(words)}"'
+        return self._added(kind, "".join(f"{word}\0" for word in words).encode())
+
+    def _added(self, kind: str, content: bytes) -> str:
+        element = f'<DataArray {kind} format="appended" offset="{self._length}"/>'
+        packed = zlib.compress(content, _EFFORT)
+        header = np.array([1, len(content), 0, len(packed)], np.uint64).tobytes()
         self._encoded.append(base64.b64encode(header) + base64.b64encode(packed))
         self._length += len(self._encoded[-1])
         return element
@@ -53,6 +58,7 @@ def vtp_content(
     lines: NDArray[np.int32] | None = None,
     point_data: Mapping[str, NDArray[Any]] | None = None,
     cell_data: Mapping[str, NDArray[Any]] | None = None,
+    names: Mapping[str, Sequence[str]] | None = None,
 ) -> bytes:
     """Return triangles and lines as VTK's XML PolyData.
 
@@ -64,6 +70,8 @@ def vtp_content(
         (F, 3) and (L, 2) vertex numbers.
     point_data, cell_data
         (V,) or (V, C) figures of the vertices by name, and of the lines before the faces.
+    names
+        Lists of words that belong to the whole file, by name.
 
     Returns
     -------
@@ -82,11 +90,13 @@ def vtp_content(
         ends = np.arange(width, corners.size + 1, width, dtype=np.int32)
         return data.element("connectivity", corners.ravel()) + data.element("offsets", ends)
 
+    listed = "".join(data.words(name, words) for name, words in (names or {}).items())
     head = (
         '<?xml version="1.0"?>\n'
         f'<VTKFile type="PolyData" version="1.0" byte_order="{_BYTE_ORDER}" header_type="UInt64" '
         'compressor="vtkZLibDataCompressor">'
-        f'<PolyData><Piece NumberOfPoints="{len(vertices)}" NumberOfVerts="0" '
+        f"<PolyData><FieldData>{listed}</FieldData>"
+        f'<Piece NumberOfPoints="{len(vertices)}" NumberOfVerts="0" '
         f'NumberOfLines="{0 if lines is None else len(lines)}" NumberOfStrips="0" '
         f'NumberOfPolys="{0 if faces is None else len(faces)}">'
         f"<PointData>{figures(point_data)}</PointData><CellData>{figures(cell_data)}</CellData>"

@@ -199,6 +199,19 @@ class Readings:
         at = self._stored_at if which is None else self._stored_at[which]
         return self.state.x[self._rest.nodes[at]] + self.strand_arms(which)
 
+    def strand_feet(self, which: NDArray[np.intp] | None = None) -> Floats:
+        """(S, 3) where the feet of all strands, or of some, are now, mm: on the bed or on tubes."""
+        at = self._stored_at if which is None else self._stored_at[which]
+        s, others = self.state, self._rest.others
+        feet = s.strand[kernels.FOOT_X : kernels.FOOT_Z + 1]
+        out = feet[:, at].T.copy()
+        on_tubes = np.flatnonzero(others[at] >= 0)
+        arms, rows = np.empty((on_tubes.size, 3)), np.zeros_like(s.strand)
+        rows[kernels.ARM_X : kernels.ARM_X + 3] = feet
+        kernels.turn_arms(s.q, others, rows, at[on_tubes], arms)
+        out[on_tubes] = s.x[others[at[on_tubes]]] + arms
+        return out
+
     def touched_by(self, rod: int, *, including_no_contact: bool = False) -> NDArray[np.bool_]:
         """(S,) whether each strand touches a rod, or did so when it parted."""
         # `including_no_contact`: also those that it has not met, or that have slipped off.

@@ -126,9 +126,9 @@ class Strands:
                 out[mine] = ((halves + after) / count)[which]
         return out
 
-    def forces(self, ends: Floats, damage: Floats) -> Floats:
-        """(S,) forces with their ends on the beam at (S, 3), mm, and (S,) damage, N."""
-        elongation = np.sqrt(((ends - self.feet) ** 2).sum(axis=1)) - self.length
+    def forces(self, ends: Floats, feet: Floats, damage: Floats) -> Floats:
+        """(S,) forces with ends and feet at (S, 3), mm, and (S,) damage, N."""
+        elongation = np.sqrt(((ends - feet) ** 2).sum(axis=1)) - self.length
         taut = (elongation > 0.0) | (self.bilateral > 0.0)
         return np.where(taut, (1.0 - damage) * self.stiffness * elongation, 0.0)
 

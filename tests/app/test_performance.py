@@ -141,7 +141,7 @@ def test_the_command_replays_a_performance(tmp_path: Path) -> None:
     assert done["as_recorded"] is True
     assert {"tear", "bleeding"} <= {each["error"] for each in done["incidents"]}
     words = refused(["replay", file, "-o", tmp_path / "run.html"])
-    assert "a run at several tubes is played by a .glb" in words
+    assert "a page plays one duct; take a .glb or a .pvd" in words
     assert not (tmp_path / "run.html").exists()
 
 

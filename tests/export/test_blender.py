@@ -19,7 +19,7 @@ from test_bed_export import torn as apart
 from test_recorded_run import VERTICES, again, played, recorded
 from test_rigged_organ import SPECK
 
-from app.export.recorded_run import RUN
+from app.export.recorded_run import RUN, rigged_runs
 from app.simulation import PIECES, TICK_SECONDS
 from app.simulation.drawn_duct import DrawnDuct
 
@@ -70,8 +70,8 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Seen]:
         "still": replace(order, static=True).content(".glb"),
         "torn": replace(order, torn=True).content(".glb"),
         "stress": replace(order, stress_colors=True, force=2.0).content(".glb"),
-        "run": played(torn=True).rigged(edge_length=edge_length),
-        "let_go": played(torn=False).rigged(edge_length=edge_length),
+        "run": rigged_runs([played(torn=True)], edge_length=edge_length),
+        "let_go": rigged_runs([played(torn=False)], edge_length=edge_length),
         "free": freed().content(".glb"),
         "apart": apart().content(".glb"),
     }

@@ -11,10 +11,12 @@ from other_programs import validated
 from program import refused
 from rigged import walls
 from simulated import bed_session, phantom, pull_session
+from test_bed_export import vtp
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from app.command_line.replay import replay
 from app.export.motion import WHOLE
-from app.export.recorded_run import RUN, RecordedRun
+from app.export.recorded_run import RUN, RecordedRun, rigged_runs, run_snapshots
 from app.simulation import (
     AFTER_TEAR,
     SETTLED_SECONDS,
@@ -72,7 +74,7 @@ def played(*, torn: bool, frames: int = 2000) -> RecordedRun:
 def test_a_viewer_shows_the_vertices_that_the_session_drew(torn: bool) -> None:
     run, session = played(torn=torn), again(torn=torn).session
     edge_length = DrawnDuct(phantom(), VERTICES).edge_length
-    gltf = Gltf(run.rigged(edge_length=edge_length))
+    gltf = Gltf(rigged_runs([run], edge_length=edge_length))
     ticks = recorded(torn=torn).log.ticks
     radius = 1e-3 * phantom().mean_radius
     seen: set[str] = set()
@@ -172,7 +174,8 @@ def test_the_command_writes_what_other_programs_read(
 def test_the_command_refuses_in_one_line_and_leaves_nothing(tmp_path: Path) -> None:
     path = tmp_path / "run.json"
     path.write_bytes(run_json(recorded(torn=False)))
-    assert "one of .glb, .html" in refused(("replay", path, "-o", tmp_path / "run.stl"))
+    words = refused(("replay", path, "-o", tmp_path / "run.stl"))
+    assert "of a pull without a bed a run is a .glb or an .html" in words
     assert "frames must be" in refused(("replay", path, "-o", tmp_path / "a.glb", "--frames", 1))
     (tmp_path / "folder.glb").mkdir()
     for output, frames, edge_length, words in (
@@ -232,6 +235,22 @@ def test_a_dissection_is_played_as_it_was_drawn(tmp_path: Path) -> None:
     )
 
 
+def test_a_dissection_is_written_for_paraview(tmp_path: Path) -> None:
+    """Its end, with the strands beside it, is what the run's last key has."""
+    path = tmp_path / "run.json"
+    path.write_bytes(run_json(freed()))
+    replay(path, output=tmp_path / "run.vtp", edge_length=1.2)
+    assert (tmp_path / "run_strands.vtp").stat().st_size > 1000
+    surface = vtp(tmp_path / "run.vtp")
+    run = RecordedRun.of_log(freed().log, phantom(), frames=2)
+    *_, (_, moment) = run_snapshots([run], edge_length=1.2)
+    places = vtk_to_numpy(surface.GetPoints().GetData())
+    assert (places == moment.surfaces[0].vertices).all()
+    assert np.abs(places - moment.surfaces[0].skin.vertices).max() > 3.0
+    words = refused(("replay", path, "-o", tmp_path / "run.vtp", "--frames", 9))
+    assert "--frames is of a file that plays the run" in words
+
+
 def test_a_dissection_that_tears_is_played_until_both_pieces_hang() -> None:
     session = bed_session(phantom(), bed=bed_named("inflamed"), vertices=300)
     start = session.grab(0, 25.0)
@@ -256,4 +275,4 @@ def test_a_dissection_that_tears_is_played_until_both_pieces_hang() -> None:
         pose = motion.of_piece(number).transforms[-1]
         piece.skin.bound_to(run.dissection.driving).deform(pose, out)
         assert np.abs(piece.open(2.0, out) - drawn.vertices).max() < 0.02
-    assert run.rigged(edge_length=1.2)
+    assert rigged_runs([run], edge_length=1.2)

@@ -1,4 +1,4 @@
-"""A run at several tubes as a GLB: each tube a named mesh that moves as the session moved it."""
+"""Runs at several tubes as files: each tube moves as the session moved it, with its stresses."""
 
 from functools import cache
 from pathlib import Path
@@ -7,13 +7,19 @@ import numpy as np
 import pytest
 from gltf_reader import Gltf
 from other_programs import validated
+from program import refused, run
+from test_bed_export import vtp
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from app.anatomy import anatomy_named
-from app.command_line.replay import replay
 from app.export.motion import WHOLE
-from app.export.recorded_tubes import recorded_tubes, rigged_tubes
+from app.export.recorded_run import RecordedRun, rigged_runs, run_snapshots
+from app.export.recorded_tubes import recorded_runs
 from app.simulation import FEW, Session, Specimen, performed, read_script, run_json
 from assets import SCRIPTS
+from organ_geometry.mesh import organ_skin
+
+TORN = ("artery_first_piece", "artery_second_piece")
 
 
 @cache
@@ -24,35 +30,141 @@ def hasty() -> Session:
     return session
 
 
+@cache
+def recorded() -> dict[str, RecordedRun]:
+    organ = hasty().specimen.organ
+    assert organ is not None
+    runs = recorded_runs(hasty().run_file().log, organ, frames=40)
+    return {run.names[0]: run for run in runs}
+
+
+@pytest.fixture(scope="module")
+def run_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("run") / "run.json"
+    path.write_bytes(run_json(hasty().run_file()))
+    return path
+
+
 def test_each_tube_is_a_mesh_that_moves_by_its_own_rig() -> None:
     """The torn artery comes in two more pieces; driving points are where the tissue has them."""
-    session = hasty()
-    assert session.specimen.organ is not None
-    runs = recorded_tubes(session.run_file().log, session.specimen.organ, frames=40)
-    tissue = session.spatial
+    runs, tissue = recorded(), hasty().spatial
     assert tuple(runs) == tissue.tubes.names
-    for name, run in runs.items():
-        surface = tissue.tubes.surfaces[tissue.tubes.names.index(name)]
-        last = run.motion.transforms[-1]
-        whole = bool(run.motion.whole[-1])
+    for number, (name, each) in enumerate(runs.items()):
+        last = each.motion.transforms[-1]
+        whole = bool(each.motion.whole[-1])
         assert whole == (name != "artery")
-        piece = None if whole else 0
-        element = tissue.torn_elements[tissue.tubes.names.index(name)]
-        wanted = surface.move(tissue.beam, np.empty_like(last), piece, element)
+        wanted = tissue.tubes.surfaces[number].move(
+            tissue.beam, np.empty_like(last), None if whole else 0, tissue.torn_elements[number]
+        )
         assert (last == wanted).all()
     assert runs["artery"].motion.fronts[0] == WHOLE
     assert runs["artery"].motion.fronts[-1] == pytest.approx(2.0)
-    gltf = Gltf(rigged_tubes(runs, edge_length=0.8))
+    gltf = Gltf(rigged_runs(tuple(runs.values()), edge_length=0.8))
     names = {mesh["name"] for mesh in gltf.tree["meshes"]}
-    assert names == {*tissue.tubes.names, "artery_first_piece", "artery_second_piece"}
+    assert names == {*tissue.tubes.names, *TORN}
     assert [each["name"] for each in gltf.tree["animations"]] == ["run"]
     assert len(gltf.tree["skins"]) == len(names)
 
 
-def test_a_run_at_an_anatomy_is_written_as_a_glb(tmp_path: Path) -> None:
-    """The replay command plays it, and a glTF validator finds no error."""
-    file, out = tmp_path / "run.json", tmp_path / "run.glb"
-    file.write_bytes(run_json(hasty().run_file()))
-    replay(file, output=out, frames=10, edge_length=1.0)
-    report = validated(out)[0]
-    assert report["issues"]["numErrors"] == 0
+def test_strands_are_where_the_tissue_has_them() -> None:
+    """Also those between tubes, whose feet move; their forces are those of the stretched lines."""
+    tissue = hasty().spatial
+    runs = tuple(recorded().values())
+    (_, first), *_, (time, shown) = run_snapshots(runs, edge_length=2.0)
+    assert time == pytest.approx(hasty().run_file().log.ticks / 30.0)
+    order = np.concatenate(tissue.tubes.strands_of)
+    strands, beam, now = tissue.tubes.strands.some(order), tissue.beam, shown.strands
+    assert now is not None
+    assert first.strands is not None
+    assert (now.damage == beam.damage[order]).all()
+    feet, ends = beam.strand_feet(order), beam.strand_ends(order)
+    on_tube = strands.to >= 0
+    assert 300 < on_tube.sum() < len(order)
+    moved = now.feet[:, 0] - first.strands.feet[:, 0]
+    assert np.abs(moved - (feet - strands.feet)).max() < 1e-9
+    assert np.abs(feet - strands.feet)[on_tube].max() > 1.0, "they have moved"
+    assert (feet == strands.feet)[~on_tube].all()
+    # Drawn ends follow the surface between nodes, farthest from a node's own on the widest tube.
+    thin = strands.tubes != tissue.tubes.names.index("gallbladder")
+    assert np.abs(now.ends[:, 0] - ends)[thin].max() < 0.3
+    assert np.abs(now.ends[:, 0] - ends).max() < 2.5
+    way = np.sqrt(((ends - feet) ** 2).sum(axis=1)) - strands.length
+    taut = (way > 0.0) | (strands.bilateral > 0.0)
+    wanted = np.where(taut, (1.0 - beam.damage[order]) * strands.stiffness * way, 0.0)
+    assert now.force == pytest.approx(wanted, rel=1e-12, abs=1e-15)
+
+
+def test_the_command_writes_a_glb(run_path: Path, tmp_path: Path) -> None:
+    """A glTF validator finds no error in it."""
+    out = tmp_path / "run.glb"
+    done = run("replay", run_path, "-o", out, "--frames", 10, "--edge-length", 1.0)
+    assert done.returncode == 0, done.stderr
+    assert validated(out)[0]["issues"]["numErrors"] == 0
+
+
+def test_vtk_reads_tubes_strands_and_stresses_of_a_series(run_path: Path, tmp_path: Path) -> None:
+    """A tube keeps its number when another one tears; distance to break is its own wall's."""
+    out = tmp_path / "run.pvd"
+    done = run("replay", run_path, "-o", out, "--frames", 12, "--edge-length", 1.0)
+    assert done.returncode == 0, done.stderr
+    text = out.read_text()
+    assert text.count('part="0"') == text.count('part="1"') == 12
+    names = hasty().spatial.tubes.names
+    for number, wanted in (
+        (0, list(names)),
+        (11, [TORN[0] if name == "artery" else name for name in names] + [TORN[1]]),
+    ):
+        surface = vtp(tmp_path / "run_frames" / f"run_{number:04d}.vtp")
+        found = surface.GetFieldData().GetAbstractArray("surfaces")
+        assert [found.GetVariantValue(k).ToString() for k in range(len(wanted))] == wanted
+        data = {
+            surface.GetPointData().GetArrayName(k): vtk_to_numpy(surface.GetPointData().GetArray(k))
+            for k in range(surface.GetPointData().GetNumberOfArrays())
+        }
+        assert (np.unique(data["surface"]) == np.arange(len(wanted))).all()
+        assert data["freed"].min() == 0.0
+        for tube, name in enumerate(names):
+            at = data["surface"] == tube
+            strength = hasty().spatial.strengths[tube]
+            assert data["distance_to_break"][at] == pytest.approx(
+                1.0 - data["total_stress_MPa"][at] / strength, abs=1e-5
+            )
+            check = recorded()[name].motion.readings[-1].check
+            if number and name != "artery":
+                worst = data["total_stress_MPa"][at].max()
+                assert worst == pytest.approx(check.total_stress, rel=0.25, abs=1e-3)
+    lines = vtp(tmp_path / "run_frames" / "run_strands_0011.vtp")
+    parted = int((hasty().spatial.beam.damage >= 1.0).sum())
+    assert lines.GetNumberOfLines() == hasty().spatial.tubes.strands.count + parted
+
+
+def test_meshes_at_the_end_are_closed(run_path: Path, tmp_path: Path) -> None:
+    import trimesh
+
+    out = tmp_path / "run.stl"
+    assert run("replay", run_path, "-o", out, "--edge-length", 1.0).returncode == 0
+    mesh = trimesh.load_mesh(out)
+    assert isinstance(mesh, trimesh.Trimesh)
+    bodies = mesh.split(only_watertight=True)
+    assert len(bodies) == len(hasty().spatial.tubes.names) + 1
+    volume = sum(
+        trimesh.Trimesh(skin.vertices, skin.faces).volume
+        for each in recorded().values()
+        for skin in [organ_skin(each.dissection.organ, edge_length=each.edges(1.0))]
+    )
+    assert mesh.volume == pytest.approx(volume, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["-o", "run.html"], "a page plays one duct; take a .glb or a .pvd"),
+        (["-o", "run.stl", "--frames", 5], "--frames is of a file that plays the run"),
+        (["-o", "run.mp4"], "its name must end so"),
+        (["--frames", 5], "give -o"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(
+    run_path: Path, arguments: list[str | int], sentence: str
+) -> None:
+    assert sentence in refused(["replay", run_path, *arguments])

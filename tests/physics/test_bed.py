@@ -176,7 +176,7 @@ def test_a_pull_is_watched_step_by_step() -> None:
         places.append(held.places.copy())
         way = held.strand_ends() - held.strands.feet
         size = np.sqrt((way**2).sum(axis=1))
-        force = held.strands.forces(held.strand_ends(), held.damage)
+        force = held.strands.forces(held.strand_ends(), held.strand_feet(), held.damage)
         forces.append((force / size) @ way)
         stresses, worst = held.stresses(), held.worst_stress()
         bending = np.hypot(stresses[..., 1], stresses[..., 2])

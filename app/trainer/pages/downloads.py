@@ -8,7 +8,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 from app.export.motion import MOST_FRAMES, PAGE_FRAMES
 from app.export.pull_export import PullExport
-from app.export.recorded_run import RecordedRun
+from app.export.recorded_run import RecordedRun, rigged_runs, run_snapshots
 from app.export.vtk_series import snapshot_contents
 from app.simulation import Phase, RunFile, Session, Specimen
 from app.trainer.pages.html_player import export_page, page_edge_length, run_page
@@ -148,8 +148,8 @@ def _run_content(run: RunFile, organ: Organ, name: str, suffix: str, vertices: i
         return run_page(played, edge_length=page_edge_length(organ)).encode()
     edge_length = page_edge_length(organ, vertices)
     if suffix == ".glb":
-        return played.rigged(edge_length=edge_length)
-    at_end = played.at_end(edge_length=edge_length)
+        return rigged_runs([played], edge_length=edge_length)
+    ((_, at_end),) = run_snapshots([played], edge_length=edge_length, last=True)
     if suffix == ".stl":
         return mesh_content(at_end.surfaces, suffix)
     packed = io.BytesIO()
