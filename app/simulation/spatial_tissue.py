@@ -42,6 +42,7 @@ from app.simulation.run_file import (
 )
 from app.simulation.specimen import Specimen
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
+from app.simulation.trocar import TROCARS
 from kernel_cache import njit
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, Network
@@ -60,6 +61,10 @@ LOSSES: dict[str, EventKind] = {"blood": "bleeding", "bile": "leak"}
 LEAST_FLOW = 1e-3
 """mm^3/s. Out of a tube that loses less, nothing flows."""
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
+SCOPE_INSTRUMENTS: tuple[Instrument, ...] = ("grasper", "dissector")
+"""At an anatomy: the assistant's hand holds, the surgeon's parts."""
+CLEAR_MM = 25.0
+"""mm before the tubes of an anatomy, on the way to its trocar, where an empty instrument waits."""
 # Of the span, where the hands' empty instruments wait: the second one out of the first's way.
 PARKED_AT = (0.5, 0.2)
 JAW_RADIUS, SWAB_RADIUS = 1.2, 3.0
@@ -190,7 +195,8 @@ class SpatialTissue:
         opening = None if exercise is None else exercise.opening
         self._opened = None if opening is None else opening.opened_mm
         self.divided: bool = opening is not None and opening.divided
-        self._in_hand = () if exercise is None else exercise.in_hand
+        usual = () if self.specimen.anatomy is None else SCOPE_INSTRUMENTS
+        self._in_hand = usual if exercise is None else exercise.in_hand
         self._make_whole()
 
     def renew(self) -> list[tuple[int, Applied]]:
@@ -248,6 +254,11 @@ class SpatialTissue:
 
     def parking(self, hand: int, instrument: Instrument) -> Floats:
         """Return where an instrument that touches nothing waits, (3,) mm."""
+        if (anatomy := self.specimen.anatomy) is not None:
+            tubes = self.tubes.network.tubes
+            thin = [tubes[each.name].places for each in anatomy.tube if each.kind != "organ"]
+            middle: Floats = np.concatenate(thin).mean(axis=0)
+            return middle + CLEAR_MM * TROCARS[hand].shaft(middle)
         along = PARKED_AT[hand] * self._rest.span
         if instrument == "dissector":  # beside the duct, at the height at which it passes under it
             height = -self.radius - 0.5 * self.gap_mm

@@ -1,6 +1,8 @@
 """The scope and the instruments in their trocars, the assistant, and what a frame holds."""
 
 import math
+from typing import cast
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -8,8 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.anatomy import AnatomyNetwork, anatomy_named, anatomy_network, shipped_anatomies
-from app.simulation import TROCARS, Trocar
+from app.simulation import TICK_SECONDS, TROCARS, Session, Specimen, Trocar
 from app.simulation.trocar import DEEPEST, LENGTH
+from app.trainer.client.page_state import PageState
+from app.trainer.client.scope_lead import HOLDS_MM_S, STEADY, ScopeLead
+from app.trainer.client.workers import Workers
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import HOME, OUTSIDE, UP, WAY, HeldScope
 from app.trainer.scope.near_place import near_place
@@ -190,3 +195,107 @@ def test_jaws_close_on_the_nearest_tube(made: AnatomyNetwork) -> None:
         assert found[0] == number
         assert found[1] == pytest.approx(stations[k], abs=tube.radius[k])
     assert near_place(bed, np.array([20.0, -40.0, 30.0])) is None
+
+
+@pytest.fixture
+def lead() -> ScopeLead:
+    """Return what mouse and keys lead at the usual anatomy."""
+    anatomy = anatomy_named("normal")
+    session = Session(Specimen.of_anatomy(anatomy), vertices=300)
+    state = PageState(MagicMock(), session, cast(Workers, None))
+    return ScopeLead(state, HeldScope(anatomy_network(anatomy)))
+
+
+def pass_time(lead: ScopeLead, session: Session, seconds: float) -> None:
+    """Let hands go where they are led."""
+    for _ in range(round(seconds / TICK_SECONDS)):
+        lead.advance(1)
+        session.advance()
+
+
+def test_a_flick_of_the_mouse_tears_nothing(lead: ScopeLead) -> None:
+    """A hand that holds goes at most 8 mm/s, and stops where its pointer lets go."""
+    session = lead.session
+    tissue = session.spatial
+    lead.lead_hand(tissue.beam.places_at(np.array([14.0]), "gallbladder")[0] + [0.0, 0.0, 6.0])
+    pass_time(lead, session, 1.5)
+    lead.use_instrument()
+    hand = tissue.hands[0]  # the run has begun
+    assert hand.node is not None
+    assert tissue.tubes.names[hand.tube] == "gallbladder"
+    start = hand.place.copy()
+    lead.lead_hand(start + np.array([0.0, 30.0, 60.0]))
+    before = start
+    for _ in range(15):
+        pass_time(lead, session, TICK_SECONDS)
+        # It follows its target as a damped mass, without running ahead of it.
+        assert np.linalg.norm(hand.target - before) <= HOLDS_MM_S * TICK_SECONDS * (1 + 1e-9)
+        before = hand.target.copy()
+    lead.stop()
+    pass_time(lead, session, 1.0)
+    assert np.linalg.norm(hand.place - start) <= HOLDS_MM_S * 0.5 + 1e-6
+    assert not tissue.events
+    lead.use_instrument()
+    assert hand.node is None
+
+
+def test_instruments_lie_along_their_shafts_and_turn_about_them(lead: ScopeLead) -> None:
+    """Each is turned by keys; a right angle's bent tip is turned instead of its shaft."""
+    session = lead.session
+    lead.choose(1)
+    for name in ("dissector", "clip applier", "scissors", "right angle"):
+        lead.choose_instrument(1, name)
+        lead.lead_hand(np.array([40.0, 12.0, 20.0]))
+        pass_time(lead, session, 1.5)
+        hand = session.spatial.hands[1]
+        shaft = TROCARS[1].shaft(hand.place)
+        bent = name == "right angle"
+        if not bent:
+            assert float(shaft @ np.array(hand.aim)) >= STEADY - 1e-9
+        before = np.array(hand.aim if bent else hand.spread)
+        lead.turn(0.3)
+        after = np.array(hand.aim if bent else hand.spread)
+        across = [each - float(each @ shaft) * shaft for each in (before, after)]
+        cosine = float(across[0] @ across[1]) / np.prod([np.linalg.norm(each) for each in across])
+        assert math.acos(cosine) == pytest.approx(0.3, abs=0.01)
+        assert float(after @ np.array(hand.spread if bent else hand.aim)) == pytest.approx(0.0)
+
+
+def test_clips_scissors_and_suction(lead: ScopeLead) -> None:
+    """Of a freed artery: clipped twice it is divided without blood; unclipped it bleeds."""
+    session = lead.session
+    tissue = session.spatial
+    lead.choose(1)
+    lead.choose_instrument(1, "clip applier")
+    tissue.beam.state.damage[:] = 1.0
+
+    def bring(station: float) -> None:
+        place = tissue.beam.places_at(np.array([station]), "artery")[0]
+        shaft = TROCARS[1].shaft(place)
+        lead.lead_hand(place + 12.0 * shaft)
+        pass_time(lead, session, 2.0)
+        lead.lead_hand(place - 3.0 * shaft)
+        pass_time(lead, session, 2.0)
+
+    lead.use_instrument()  # nothing is between its jaws
+    assert not tissue.events
+    for station in (13.0, 19.0):
+        bring(station)
+        lead.use_instrument()
+    assert [(each.kind, each.tube) for each in tissue.events] == [("clip", "artery")] * 2
+    lead.choose_instrument(1, "scissors")
+    bring(16.0)
+    lead.use_instrument()
+    pass_time(lead, session, 1.0)
+    assert [each.kind for each in tissue.events] == ["clip", "clip", "division"]
+    assert tissue.fluids["blood"].lost == pytest.approx(0.0, abs=1e-6)
+    bring(10.0)  # before both clips
+    lead.use_instrument()
+    pass_time(lead, session, 2.0)
+    assert tissue.fluids["blood"].lost > 100.0
+    pooled = tissue.pooled_ml
+    lead.choose_instrument(1, "suction")
+    lead.use_instrument()
+    assert lead.sucks(1)
+    pass_time(lead, session, 1.0)
+    assert tissue.pooled_ml < pooled

@@ -1,21 +1,43 @@
 """At an anatomy mouse and keys lead a hand through its trocar, or the scope."""
 
+import math
+from collections.abc import Callable, Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import HOLDING, TROCARS
+from app.simulation import HOLDING, TICK_SECONDS, TROCARS, Hand, Instrument, Session
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.near_place import near_place, wall_offset
 
-__all__ = ["SPREAD", "ScopeLead"]
+__all__ = ["HOLDS_MM_S", "SPREAD", "ScopeLead"]
 
 Floats = NDArray[np.float64]
 
+HOLDS_MM_S = 8.0
+"""mm/s at most of a hand that holds a tube, wherever the pointer is: a flick of the mouse tears
+nothing, and a pull can be stopped by what is seen."""
+LEAD_MM_S: Mapping[Instrument, float] = {
+    "hook": 60.0, "grasper": 60.0, "dissector": 25.0, "swab": 25.0, "right angle": 15.0,
+    "clip applier": 25.0, "scissors": 25.0, "suction": 25.0,
+}  # fmt: skip
+"""mm/s at most of a hand that holds nothing: those that part or press go slowly."""
 SPREAD = 8.0
 """mm that jaws part by at once."""
+OPENED: Mapping[Instrument, float] = {"clip applier": 6.0, "scissors": 6.0}
+"""mm between jaws that come open: wider than the cystic duct and what is left about it."""
+SUCTION = 15.0
+"""ml/s."""
+STEADY = math.cos(math.radians(3.0))
+"""Cosine of the angle within which an instrument's shaft is left as it lies in the tissue."""
 NOTHING_NEAR = "No tube is between the jaws. Bring the tip to one: its shadow shows how near it is."
 ENDS = "Jaws do not hold there: a clamp, the other hand or a tear is too near."
+NOT_BETWEEN = (
+    "No tube lies between the open jaws with its whole width: clear it all round, and bring the "
+    "tips past it on either side."
+)
+SWEEPS = "A swab has no jaws: wipe with it along a tube."
 
 
 class ScopeLead:
@@ -24,6 +46,14 @@ class ScopeLead:
     def __init__(self, state: PageState, held: HeldScope) -> None:
         self._state, self.held = state, held
         self.leads_scope = False
+        # Of each hand, where its tip is led to, (3,) mm, or None.
+        self._goals: list[Floats | None] = [None] * len(state.hands)
+        self._sucks = [False] * len(state.hands)
+
+    @property
+    def session(self) -> Session:
+        """The client's session."""
+        return self._state.session
 
     @property
     def hand(self) -> int:
@@ -41,50 +71,167 @@ class ScopeLead:
         following = 0 if self.leads_scope else None if last else self.hand + 1
         self.choose(following)
 
+    def choose_instrument(self, hand: int, instrument: Instrument) -> None:
+        """Give a hand another instrument, which comes through its trocar with its jaws open."""
+        state = self._state
+        self.leads_scope = False
+        before = state.hands[hand].instrument
+        state.choose_instrument(hand, instrument)
+        if state.hands[hand].instrument == before:
+            return
+        self._goals[hand], self._sucks[hand] = None, False
+        self._aim(hand)
+        if instrument in OPENED:
+            state.session.open_jaws(hand, OPENED[instrument])
+
+    def choose_next_instrument(self) -> None:
+        """Give the active hand the next instrument."""
+        offered = self._state.instruments
+        now = self._state.instrument
+        at = offered.index(now) if now in offered else -1
+        self.choose_instrument(self.hand, offered[(at + 1) % len(offered)])
+
     def lead_hand(self, place: Floats) -> None:
         """Lead the active hand's tip, as it is drawn, to a place, (3,) mm."""
-        state = self._state
         if self._may_act():
-            offset = wall_offset(state.session.spatial, self.hand)
-            state.session.move_hand(self.hand, TROCARS[self.hand].within(place - offset))
+            offset = wall_offset(self.session.spatial, self.hand)
+            self._goals[self.hand] = TROCARS[self.hand].within(place - offset)
+
+    def stop(self) -> None:
+        """Leave a hand that holds a tube where it is, as its pointer lets go."""
+        if self._state.hands[self.hand].node is not None:
+            self._goals[self.hand] = None
+
+    def advance(self, ticks: int) -> None:
+        """Lead the hands on for some ticks, no faster than they may."""
+        state = self._state
+        if state.playback is not None or state.paused or state.session.run.closed:
+            return
+        for hand, goal in enumerate(self._goals):
+            if goal is None:
+                continue
+            holder = state.hands[hand]
+            way = goal - holder.target
+            far = math.sqrt(float((way * way).sum()))
+            most = self._speed(holder) * TICK_SECONDS * ticks
+            if far <= most:
+                self._goals[hand] = None
+            step = way if far <= most else way * (most / far)
+            state.session.move_hand(hand, holder.target + step)
+            self._aim(hand)
 
     def nudge(self, right: float, up: float, away: float) -> None:
         """Move the active hand's tip in the picture, mm, or turn the scope by as many steps."""
         if self.leads_scope:
             self.move_scope(pan=0.04 * right, tilt=0.04 * up, depth=2.0 * away)
             return
-        axes = self.held.camera.axes
-        step = axes @ np.array([right, up, -away])
-        offset = wall_offset(self._state.session.spatial, self.hand)
-        self.lead_hand(self._state.hands[self.hand].target + offset + step)
+        step = self.held.camera.axes @ np.array([right, up, -away])
+        goal = self._goals[self.hand]
+        start = self._state.hands[self.hand].target if goal is None else goal
+        self.lead_hand(start + wall_offset(self.session.spatial, self.hand) + step)
+
+    def turn(self, angle: float) -> None:
+        """Turn the active hand's jaws about its shaft, or the scope's cable, rad."""
+        if self.leads_scope:
+            self.move_scope(cable=angle)
+            return
+        holder = self._state.hands[self.hand]
+        if not self._may_act() or holder.instrument in HOLDING:
+            return
+        shaft = TROCARS[self.hand].shaft(holder.place)
+        bent = holder.instrument == "right angle"
+        turned = _about(np.array(holder.aim if bent else holder.spread), shaft, angle)
+        turn = self.session.aim if bent else self.session.spread
+        turn(self.hand, turned.tolist())
 
     def use_instrument(self) -> None:
-        """Take hold with a hook or grasper, or let go; part other jaws, or close them."""
+        """Do what the active hand's instrument does."""
+        if self._may_act():
+            self._uses[self._state.instrument]()
+
+    @property
+    def use(self) -> str:
+        """What the active hand's instrument does if it is used now, in words."""
+        holder = self._state.shown.tissue.hands[self.hand]
+        now: dict[Instrument, str] = {
+            "clip applier": "Clip",
+            "scissors": "Divide",
+            "suction": "Stop" if self._sucks[self.hand] else "Suck",
+            "swab": "Wipe",
+        }
+        if holder.instrument in HOLDING:
+            return "Take hold" if holder.node is None else "Let go"
+        return now.get(holder.instrument, "Close" if holder.target_opening > 0.0 else "Part")
+
+    @property
+    def _uses(self) -> Mapping[Instrument, Callable[[], object]]:
+        return {
+            "hook": self._take_or_let_go, "grasper": self._take_or_let_go,
+            "dissector": self._part_or_close, "right angle": self._part_or_close,
+            "swab": lambda: self._state.refuse(SWEEPS),
+            "clip applier": lambda: self._close(self.session.clip),
+            "scissors": lambda: self._close(self.session.divide),
+            "suction": self._suck,
+        }  # fmt: skip
+
+    def _take_or_let_go(self) -> None:
         state, hand = self._state, self.hand
-        if not self._may_act():
-            return
         holder = state.hands[hand]
+        self._goals[hand] = None
         if holder.node is not None:
             state.let_go(hand)
-        elif holder.instrument not in HOLDING:
-            self.open_more(-SPREAD if holder.target_opening > 0.0 else SPREAD)
-        else:
-            found = near_place(state.session.spatial.beam, holder.place)
-            if found is None:
-                state.refuse(NOTHING_NEAR)
-            elif state.session.grab(hand, found[1], found[0]) is None:
-                state.refuse(ENDS)
+            return
+        found = near_place(state.session.spatial.beam, holder.place)
+        if found is None:
+            state.refuse(NOTHING_NEAR)
+        elif state.session.grab(hand, found[1], found[0]) is None:
+            state.refuse(ENDS)
+
+    def _part_or_close(self) -> None:
+        opened = self._state.hands[self.hand].target_opening
+        self.open_more(-opened if opened > 0.0 else SPREAD)
+
+    def _close(self, act: Callable[[int], bool]) -> None:
+        if not act(self.hand):
+            self._state.refuse(NOT_BETWEEN)
+
+    def _suck(self) -> None:
+        self._sucks[self.hand] = not self._sucks[self.hand]
+        self.session.suck(self.hand, SUCTION if self._sucks[self.hand] else 0.0)
+        self._state.show()
+
+    def sucks(self, hand: int) -> bool:
+        """Return whether a hand's suction is on."""
+        return self._sucks[hand]
 
     def open_more(self, more: float) -> None:
         """Part the active hand's jaws by some mm more, or less."""
-        state = self._state
         if self._may_act():
+            state = self._state
             state.session.open_jaws(self.hand, state.hands[self.hand].target_opening + more)
+
+    def reset(self) -> None:
+        """Make all whole, and lead nothing."""
+        self._goals = [None] * len(self._goals)
+        self._sucks = [False] * len(self._sucks)
+        self._state.reset()
 
     def _may_act(self) -> bool:
         """Return whether the active hand can do something now; tell the client where not."""
         state = self._state
         return state.playback is None and not state.refuses(self.hand) and not state.is_closed()
+
+    def _speed(self, holder: Hand) -> float:
+        return HOLDS_MM_S if holder.node is not None else LEAD_MM_S[holder.instrument]
+
+    def _aim(self, hand: int) -> None:
+        """Lay an instrument along its shaft; a right angle's tip stays as it is turned."""
+        holder = self._state.hands[hand]
+        if holder.instrument in HOLDING or holder.instrument == "right angle":
+            return
+        shaft = TROCARS[hand].shaft(holder.target)
+        if float((shaft * np.array(holder.aim)).sum()) < STEADY:
+            self.session.aim(hand, shaft.tolist())
 
     def move_scope(
         self, pan: float = 0.0, tilt: float = 0.0, depth: float = 0.0, cable: float = 0.0
@@ -97,3 +244,10 @@ class ScopeLead:
         """Take the other scope, straight or oblique."""
         self.held.change()
         self._state.show()
+
+
+def _about(vector: Floats, axis: Floats, angle: float) -> Floats:
+    """Return a vector turned about a unit axis, rad."""
+    along = float((vector * axis).sum()) * axis
+    across = vector - along
+    return along + math.cos(angle) * across + math.sin(angle) * np.cross(axis, across)

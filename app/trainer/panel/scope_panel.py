@@ -1,7 +1,6 @@
 """One client's panel at an anatomy: what to reach, the hands, the scope, and what is in hand."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Literal
 
 import viser
@@ -10,13 +9,14 @@ from app.anatomy import Anatomy, anatomy_named, drawn_anatomy, shipped_anatomies
 from app.simulation import Instrument, Reading, RunFile
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import SceneName
-from app.trainer.client.scope_lead import ScopeLead
+from app.trainer.client.scope_lead import HOLDS_MM_S, ScopeLead
 from app.trainer.panel.controls import (
     Choice,
     figure,
     note,
     number,
     on_click,
+    on_input,
     on_work,
     rows_html,
     set_if_changed,
@@ -49,18 +49,21 @@ DRAWN = "drawn"
 MOST_SEED = 10**6
 STEP = 0.5
 """mm that a key moves a tip by."""
+TURN = 0.15
+"""rad that a key turns jaws or cable by."""
 YOU_HOLD = "You hold the scope. V gives it back to the assistant."
-HOW_JAWS = "Drag the tip into the tissue, then part the jaws with the right button or G, and again."
+PART = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
 HOW: Mapping[Instrument, str] = {
     "hook": "Bring it to a tube, take hold with the right button or G, and pull gently.",
     "grasper": "Take hold with the right button or G, and drag. It stays where it is left.",
+    "dissector": f"{PART} Close them, and again deeper. J and L turn them about the shaft.",
+    "right angle": f"{PART} Its bent tip passes behind a tube: J and L turn it.",
     "swab": "Wipe along a tube: strands part before its soft tip.",
-}
-INSTRUMENT_HINTS: Mapping[Instrument, str] = {
-    "hook": "Takes a tube and pulls",
-    "grasper": "Takes a tube, and stays where it is left",
-    "dissector": "Two jaws that part strands by opening",
-    "swab": "A soft tip that parts strands by sweeping",
+    "clip applier": "Bring the open jaws past a freed tube on either side, then the right button "
+    "or G. J and L turn them.",
+    "scissors": "Bring the open blades past a freed and clipped tube on either side, then the "
+    "right button or G.",
+    "suction": "The right button or G starts it, and stops it. It takes up blood and bile.",
 }
 # What a torn tube turns out to be.
 WALLS = {
@@ -74,23 +77,27 @@ KEYS = (
     Key("Down", "arrowdown", "Move down", "the tip in the picture, or the scope's view"),
     Key("Shift+Up", "arrowup", "Move away", "the tip, or the scope, into the picture", "shift"),
     Key("Shift+Down", "arrowdown", "Move near", "the tip, or the scope, towards you", "shift"),
-    Key("G", "G", "Use the instrument", "take hold or let go; part the jaws or close them"),
+    Key("G", "G", "Use the instrument", "take hold or let go; part or close; clip; divide; suck"),
     Key("O", "O", "Open the jaws", "by a millimetre"),
     Key("C", "C", "Close the jaws", "by a millimetre"),
     Key("X", "X", "Next hand or scope", "what mouse and keys lead"),
     Key("N", "N", "Next instrument", "for the hand that is led"),
     Key("Z", "Z", "Other scope", "straight or oblique"),
-    Key("J", "J", "Turn the cable left", "of the scope, about its shaft"),
-    Key("L", "L", "Turn the cable right", "of the scope, about its shaft"),
+    Key("J", "J", "Turn left", "the jaws about their shaft, or the scope's cable"),
+    Key("L", "L", "Turn right", "the jaws about their shaft, or the scope's cable"),
     Key("V", "V", "Assistant", "gives the scope back to the assistant, who shows the triangle"),
     Key("P", "P", "Pause or go on", "time stands still"),
     Key("R", "R", "Reset", "all whole again"),
 )
 TEXT = """\
 **The mouse.** Press in the picture and the tip goes under the pointer; drag to lead it. The
-**wheel** moves it into the picture and out. The **right button**, or **G**, closes the jaws of a
-hook or grasper on what is there, or lets go; it opens and closes the jaws of other instruments.
+**wheel** moves it into the picture and out. The **right button**, or **G**, uses the instrument.
 With a **finger** drag; two fingers spread or pinch for depth.
+
+{INSTRUMENTS}
+
+A hand that holds a tube goes at most {HOLDS} mm/s, whatever the mouse does, and stops when you let
+go of the mouse: look at the stress while you pull. To clip and divide, free a tube all round first.
 
 **The scope.** An assistant holds it and keeps both tips in view. Choose *Scope* to lead it
 yourself, or drag with the middle button; **V** gives it back.
@@ -125,19 +132,15 @@ class ScopePanel:
         self._readout = gui.add_html("")
         add_disclaimer(gui)
         self._leads = Choice(gui, "Led", LEADS, self._choose_led)
-        offered: dict[Instrument, tuple[str, str]] = {
-            each: (each.capitalize(), INSTRUMENT_HINTS.get(each, "")) for each in state.instruments
-        }
-        self._hands = [
-            Choice(gui, name, offered, partial(self._choose_instrument, hand))
-            for hand, name in enumerate(HANDS)
-        ]
+        self._hands = [self._add_hand(hand, name) for hand, name in enumerate(HANDS)]
         self._how = gui.add_html("")
+        self._use = gui.add_button("Use", hint="Also the right button in the picture, or G")
+        on_click(self._use, lead.use_instrument)
         self._scope = Choice(gui, "Scope", SCOPES, lambda _: lead.change_scope())
         self._held = gui.add_html("")
         self._add_anatomies()
         reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, hint="All whole again (R)")
-        on_click(reset, state.reset)
+        on_click(reset, lead.reset)
         ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
         on_click(ask, self._show_help)
         self._add_keys()
@@ -148,12 +151,12 @@ class ScopePanel:
         state, lead = self._state, self._lead
         leads: Leads = "scope" if lead.leads_scope else ("left", "right")[state.hand]
         self._leads.show(leads)
-        for index, (choice, hand) in enumerate(
-            zip(self._hands, state.shown.tissue.hands, strict=True)
-        ):
-            choice.show(hand.instrument, active=index == state.hand and not lead.leads_scope)
+        for choice, hand in zip(self._hands, state.shown.tissue.hands, strict=True):
+            set_if_changed(choice, value=hand.instrument)
         holder = state.shown.tissue.hands[state.hand]
-        set_if_changed(self._how, content=note(HOW.get(holder.instrument, HOW_JAWS), "how"))
+        set_if_changed(self._how, content=note(HOW[holder.instrument], "how"))
+        use = "The scope is led" if lead.leads_scope else f"{lead.use} (G)"
+        set_if_changed(self._use, label=use, disabled=lead.leads_scope)
         self._scope.show("oblique" if lead.held.oblique else "straight")
         words = "The assistant holds the scope." if lead.held.assisted else YOU_HOLD
         set_if_changed(self._held, content=note(words, "scope"))
@@ -197,9 +200,16 @@ class ScopePanel:
     def _choose_led(self, leads: Leads) -> None:
         self._lead.choose(None if leads == "scope" else ("left", "right").index(leads))
 
-    def _choose_instrument(self, hand: int, instrument: Instrument) -> None:
-        self._lead.leads_scope = False
-        self._state.choose_instrument(hand, instrument)
+    def _add_hand(self, hand: int, name: str) -> viser.GuiDropdownHandle[Instrument]:
+        state = self._state
+        chosen = self._gui.add_dropdown(
+            name,
+            state.instruments,
+            initial_value=state.hands[hand].instrument,
+            hint="Its instrument (N: the next)",
+        )
+        on_input(chosen, lambda _: self._lead.choose_instrument(hand, chosen.value))
+        return chosen
 
     def _add_anatomies(self) -> None:
         gui, anatomy = self._gui, self._state.session.specimen.anatomy
@@ -229,7 +239,7 @@ class ScopePanel:
     def _show_help(self) -> None:
         with dialog(self._gui, "Help"):
             self._gui.add_html(first_minute(self._state.session))
-            self._gui.add_markdown(TEXT + _keys_text())
+            self._gui.add_markdown(_text() + _keys_text())
 
     def _add_keys(self) -> None:
         state, lead = self._state, self._lead
@@ -244,12 +254,12 @@ class ScopePanel:
             "O": lambda: lead.open_more(1.0),
             "C": lambda: lead.open_more(-1.0),
             "X": lead.choose_next,
-            "N": state.next_instrument,
+            "N": lead.choose_next_instrument,
             "Z": lead.change_scope,
-            "J": lambda: lead.move_scope(cable=-0.15),
-            "L": lambda: lead.move_scope(cable=0.15),
+            "J": lambda: lead.turn(-TURN),
+            "L": lambda: lead.turn(TURN),
             "P": lambda: state.set_paused(not state.paused),
-            "R": state.reset,
+            "R": lead.reset,
             "V": state.bring_home,
         }
         for key in KEYS:
@@ -263,6 +273,11 @@ class ScopePanel:
 
             if key.name == "V":
                 offer_home(state.client, command, f"{key.title} ({key.name})", key.meaning)
+
+
+def _text() -> str:
+    each = "\n".join(f"- **{name.capitalize()}**: {how}" for name, how in HOW.items())
+    return TEXT.replace("{INSTRUMENTS}", each).replace("{HOLDS}", f"{HOLDS_MM_S:g}")
 
 
 def _keys_text() -> str:

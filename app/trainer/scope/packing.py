@@ -30,11 +30,11 @@ __all__ = [
 
 Floats32 = NDArray[np.float32]
 
-HEADER = 64
-HANDS, WELLS, CLIPS, TEARS = 2, 4, 4, 4
+HEADER = 72
+HANDS, WELLS, CLIPS, TEARS = 2, 4, 8, 4
 """Of a frame at most: hands, places where something flows out, clips, and torn elements."""
 # Where they begin in the header, and how many numbers each has.
-POSE, HAND, WELL, CLIP, TEAR = 0, 8, 24, 44, 52
+POSE, HAND, WELL, CLIP, TEAR = 0, 8, 24, 44, 60
 NODE_NUMBERS = 6
 # How taut, from fully slack to parting: -0.5 to 1 becomes 1 to 1001, and 0 is parted.
 STEPS = 1000

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation import TROCARS, Instrument, Reading, Session, Trocar
+from app.simulation import TROCARS, EventKind, Hand, Instrument, Reading, Session, Trocar
 from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.near_place import wall_offset
 from app.trainer.scope.packing import DrawnHand, Well
@@ -42,8 +42,20 @@ class Led(Protocol):
         """Lead the active hand's tip to a place, (3,) mm."""
         ...
 
+    def stop(self) -> None:
+        """Leave a hand that holds a tube where it is."""
+        ...
+
+    def advance(self, ticks: int) -> None:
+        """Lead the hands on for some ticks."""
+        ...
+
     def use_instrument(self) -> None:
-        """Do what the active hand's instrument does: take hold or let go, open or close."""
+        """Do what the active hand's instrument does."""
+        ...
+
+    def sucks(self, hand: int) -> bool:
+        """Return whether a hand's suction is on."""
         ...
 
     def move_scope(self, pan: float, tilt: float, depth: float, cable: float) -> None:
@@ -82,7 +94,8 @@ class ScopeScene:
             self._clear()
 
     def advance(self, ticks: int) -> bool:
-        """Let the assistant follow the tips for some ticks; return whether the scope has moved."""
+        """Lead the hands, and let the assistant follow them; return whether the scope has moved."""
+        self._led.advance(ticks)
         tips = [hand.place for hand in self._session.spatial.hands]
         moved = [self._held.advance(tips) for _ in range(ticks)]
         return any(moved)
@@ -99,8 +112,11 @@ class ScopeScene:
         spatial = self._session.spatial
         picture = self._set_picture()
         torn = [(tube, each) for tube, each in enumerate(spatial.torn_elements) if each >= 0]
+        torn += [(tube, math.floor(at)) for tube, at in self._at_events("division")]
         pose = self._held.pose
-        picture.send(spatial.beam, pose, self._hands(), self._wells(), self._clips(), torn)
+        picture.send(
+            spatial.beam, pose, self._hands(), self._wells(), self._at_events("clip"), torn
+        )
         leads = -1 if self._led.leads_scope else self._led.hand
         if self._told is not None and leads != self._leads:
             self._leads = leads
@@ -137,6 +153,8 @@ class ScopeScene:
         kind, numbers = _read(told)
         if kind == "move" and len(numbers) == 3:
             self._led.lead_hand(np.array(numbers))
+        elif kind == "stop" and not numbers:
+            self._led.stop()
         elif kind == "act" and not numbers:
             self._led.use_instrument()
         elif kind == "scope" and len(numbers) == 4:
@@ -173,13 +191,14 @@ class ScopeScene:
             holds = hand.node is not None
             # It holds the wall, not the axis.
             x, y, z = (float(each) for each in hand.place + wall_offset(spatial, number))
-            opening = JAWS_APART if holds else hand.opening
+            sucks = hand.instrument == "suction" and self._led.sucks(number)
+            opening = JAWS_APART if holds or sucks else hand.opening
             out.append(
                 DrawnHand(
                     INSTRUMENTS.index(hand.instrument),
                     (x, y, z),
                     opening,
-                    _roll(TROCARS[number], hand.place),
+                    _roll(TROCARS[number], hand),
                     holds,
                 )
             )
@@ -197,8 +216,17 @@ class ScopeScene:
                     out.append(Well((x, y, z), rate, fluid == "bile"))
         return out
 
-    def _clips(self) -> list[tuple[int, float]]:
-        return []
+    def _at_events(self, kind: EventKind) -> list[tuple[int, float]]:
+        """Return tubes' numbers and places along them, in elements, where something was done."""
+        spatial = self._session.spatial
+        out: list[tuple[int, float]] = []
+        for event in spatial.events:
+            if event.kind == kind:
+                number = spatial.tubes.names.index(event.tube)
+                at = event.station * spatial.tubes.surfaces[number].scale
+                stations = spatial.beam.stations_of(event.tube)
+                out.append((number, float(np.interp(at, stations, np.arange(stations.size)))))
+        return out
 
 
 def _read(told: str) -> tuple[str, list[float]]:
@@ -213,11 +241,15 @@ def _read(told: str) -> tuple[str, list[float]]:
     return parts[0], numbers
 
 
-def _roll(trocar: Trocar, tip: Floats) -> float:
-    """Return how an instrument is turned about its shaft so that its jaws part along x, rad."""
-    back = trocar.shaft(tip)
+def _roll(trocar: Trocar, hand: Hand) -> float:
+    """Return an instrument's turn about its shaft, rad: as its jaws part or its tip bends."""
+    back = trocar.shaft(hand.place)
     level = np.cross((0.0, 0.0, 1.0), back)
     level = level / math.sqrt(float((level * level).sum()))
     over = np.cross(back, level)
-    # The jaws part along over cos(roll) - level sin(roll).
-    return math.atan2(-float(level[0]), float(over[0]))
+    if hand.instrument == "right angle":  # it bends along level cos(roll) + over sin(roll)
+        bent = -np.array(hand.aim)
+        return math.atan2(float((bent * over).sum()), float((bent * level).sum()))
+    # Jaws part along over cos(roll) - level sin(roll): along x where nothing else is said.
+    apart = np.array(hand.spread if any(hand.spread) else (1.0, 0.0, 0.0))
+    return math.atan2(-float((apart * level).sum()), float((apart * over).sum()))

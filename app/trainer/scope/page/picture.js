@@ -128,7 +128,7 @@
 
     #makeInstruments() {
       this.instruments = this.given.trocars.map(() => null);
-      this.clipMeshes = [0, 1, 2, 3].map(() => this.#piece(scope.clipShape()));
+      this.clipMeshes = Array.from({ length: 8 }, () => this.#piece(scope.clipShape()));
     }
 
     // A mesh that is placed by three axes and a place.

@@ -60,6 +60,8 @@
   const lift = event => {
     if (!down.delete(event.pointerId) || down.size) return;
     event.stopPropagation();
+    // After the last movement, which may still wait.
+    if (lead.hand >= 0) setTimeout(() => { if (lead && !down.size) say("stop"); }, LEAST_MS + 1);
   };
   const deeper = mm => {
     const { picture } = scope;

@@ -3,7 +3,7 @@
   const scope = window.bluntdissectScope;
   if (scope.State) return;
   const { clamp, mix, sub, dot, cross, unit, numbers } = scope.algebra;
-  const HEADER = 64, NODE = 6, WIDE = 256, SLACKEST = -0.5, STEPS = 1000;
+  const HEADER = 72, CLIPS = 8, TEARS = 4, NODE = 6, WIDE = 256, SLACKEST = -0.5, STEPS = 1000;
   const POSE = ["pan", "tilt", "depth", "cable", "head", "angle"];
   const PART_MS = 350;  // that a strand takes to draw back
 
@@ -86,12 +86,12 @@
         return { place: [h[at], h[at + 1], h[at + 2]], rate: h[at + 3], bile: h[at + 4] === 2 };
       }).filter(each => each.rate > 0);
     }
-    pairs(at) {
+    pairs(at, most) {
       const h = this.head;
-      return [0, 1, 2, 3].map(i => [h[at + 2 * i] - 1, h[at + 2 * i + 1]]).filter(([tube]) => tube >= 0);
+      return Array.from({ length: most }, (_, i) => [h[at + 2 * i] - 1, h[at + 2 * i + 1]]).filter(([tube]) => tube >= 0);
     }
-    get clips() { return this.pairs(44); }
-    get torn() { return this.pairs(52); }
+    get clips() { return this.pairs(44, CLIPS); }
+    get torn() { return this.pairs(60, TEARS); }
 
     // (4) place and radius of a tube, s elements along it.
     at(tube, s) {
