@@ -11,7 +11,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from program import LONGEST, blocks, command, commands, run
+from program import LONGEST, blocks, commands, run, serves_a_class
 
 from assets import BILE_DUCT
 
@@ -59,24 +59,6 @@ def test_program_s_examples_run_in_order(tmp_path: Path, monkeypatch: pytest.Mon
     assert (tmp_path / "duct.organ").read_bytes() == BILE_DUCT.read_bytes()
     for line in "".join(blocks(README, "text")).splitlines():
         assert line in said
-
-
-def serves_a_class(words: list[str]) -> None:
-    """Check that a class can be opened by its links, and ends when told to."""
-    with subprocess.Popen(
-        command(*words, "--port", "0"), stdout=subprocess.PIPE, text=True
-    ) as process:  # fmt: skip
-        try:
-            assert process.stdout is not None
-            for who, place in (("Teacher", "./class/"), ("Trainees", "./")):
-                said = process.stdout.readline()
-                assert said.startswith(f"{who}: http://127.0.0.1:"), said
-                with urllib.request.urlopen(said.split()[1]) as answer:
-                    assert f"url={place}" in answer.read().decode()
-            process.send_signal(signal.SIGTERM)
-            assert process.wait(LONGEST) == 0
-        finally:
-            process.kill()
 
 
 def test_python_example_gives_its_figures() -> None:

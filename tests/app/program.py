@@ -6,9 +6,11 @@ import os
 import random
 import re
 import shlex
+import signal
 import socket
 import subprocess
 import sys
+import urllib.request
 from collections.abc import Iterator, Sequence
 from unittest.mock import patch
 
@@ -101,3 +103,21 @@ def commands(text: str, program: str) -> list[list[str]]:
     lines = "\n".join(blocks(text, "sh")).splitlines()
     split = [shlex.split(line, comments=True) for line in lines]
     return [words[1:] for words in split if words and words[0] == program]
+
+
+def serves_a_class(words: list[str]) -> None:
+    """Check that a class can be opened by its links, and ends when told to."""
+    with subprocess.Popen(
+        command(*words, "--port", "0"), stdout=subprocess.PIPE, text=True
+    ) as process:  # fmt: skip
+        try:
+            assert process.stdout is not None
+            for who, place in (("Teacher", "./class/"), ("Trainees", "./")):
+                said = process.stdout.readline()
+                assert said.startswith(f"{who}: http://127.0.0.1:"), said
+                with urllib.request.urlopen(said.split()[1]) as answer:
+                    assert f"url={place}" in answer.read().decode()
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(LONGEST) == 0
+        finally:
+            process.kill()
