@@ -70,6 +70,7 @@ from app.simulation.run_file import (
 from app.simulation.safety import CriticalView, Safety, Tenting
 from app.simulation.scripted_hands import CAREFUL, MANNERS, perform
 from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
+from app.simulation.sight import TOWARDS_VIEWER
 from app.simulation.spatial_tissue import (
     JAW_RADIUS,
     MOST_OPENING,
@@ -117,6 +118,7 @@ __all__ = [
     "TICKS_PER_SECOND",
     "TICK_SECONDS",
     "TOWARDS_HAND",
+    "TOWARDS_VIEWER",
     "TROCARS",
     "VERTICES",
     "BeamModel",

@@ -15,7 +15,7 @@ from app.simulation.exercise import Exercise
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import HANDS
 from app.simulation.safety import CriticalView, Safety
-from app.simulation.sight import TOWARDS_VIEWER, WORKING_DISTANCE
+from app.simulation.sight import WORKING_DISTANCE
 
 if TYPE_CHECKING:
     from app.simulation.spatial_tissue import SpatialTissue
@@ -200,7 +200,7 @@ class DissectionMeasureTaker:
         new = np.flatnonzero((damage >= 1.0) & (self._damage < 1.0))
         self._damage = damage
         ends, arms = beam.strand_ends(new), beam.strand_arms(new)
-        seen = (arms * TOWARDS_VIEWER).sum(axis=1) > 0.0
+        seen = (arms * duct.view).sum(axis=1) > 0.0
         nearest = np.full(new.size, np.inf)
         owner = np.zeros(new.size, dtype=np.int64)
         for hand, holder in enumerate(duct.hands):

@@ -20,7 +20,6 @@ from app.simulation.errors.pace import PULL_TICKS, Pace
 from app.simulation.hand import Hand
 from app.simulation.run_file import HANDS
 from app.simulation.safety import Safety
-from app.simulation.sight import TOWARDS_VIEWER
 from kernel_cache import SameTypes, njit
 
 if TYPE_CHECKING:
@@ -317,7 +316,7 @@ class ErrorFinder:
         if touching:
             most = limits["blind_stab"]["speed"]
             if speed > most and _hidden(
-                self._duct.beam.places, hand.place, TOWARDS_VIEWER, self.radius
+                self._duct.beam.places, hand.place, self._duct.view, self.radius
             ):
                 incidents.note(
                     "blind_stab", i, station, speed, v=speed, d=speed * REACTION_SECONDS, speed=most

@@ -42,15 +42,15 @@ HOLDING: tuple[Instrument, ...] = ("hook", "grasper")
 
 InputKind = Literal[
     "instrument", "grab", "move", "open", "release", "lift", "force", "grasp", "threshold",
-    "theory", "aim", "spread", "clip", "divide", "suck",
+    "theory", "aim", "spread", "clip", "divide", "suck", "view",
 ]  # fmt: skip
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
 REPLACED: frozenset[InputKind] = frozenset(
-    {"move", "open", "lift", "threshold", "aim", "spread", "suck"}
+    {"move", "open", "lift", "threshold", "aim", "spread", "suck", "view"}
 )
 """Of these only the last between two ticks has an effect: it replaces the one before."""
 WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide"})
-VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread"})
+VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread", "view"})
 """Kinds whose value is nothing, and three numbers."""
 NUMBERS = 3  # at most, of one input
 
@@ -95,7 +95,8 @@ class Input(msgspec.Struct, frozen=True, array_like=True):
     "lift": deflection of the place that is held, mm; "force": N along the pull;
     "grasp": station at which force or deflection act, mm; "threshold": MPa; "theory": a choice;
     "aim": (3,) direction from the tip back along the shaft; "spread": (3,) direction in which jaws
-    part; "clip", "divide": None; "suck": ml/s.
+    part; "clip", "divide": None; "suck": ml/s; "view": (3,) direction towards the viewer, whichever
+    the hand.
     """
 
     tick: int  # number of ticks done before it

@@ -1,10 +1,14 @@
-"""What is seen of a duct in its bed from the standard view."""
+"""From where a duct in its bed is seen, and what is always seen."""
+
+import math
 
 import numpy as np
 
-__all__ = ["TOWARDS_VIEWER", "WORKING_DISTANCE"]
+__all__ = ["STEADY", "TOWARDS_VIEWER", "WORKING_DISTANCE"]
 
 TOWARDS_VIEWER = np.array([0.0, -0.8, 0.6])
-"""(3,) in the duct's frame, towards the camera of the standard view."""
+"""(3,) in the duct's frame, towards the camera of the standard view, as long as nobody moves it."""
+STEADY = math.cos(math.radians(5.0))
+"""Cosine of the angle by which a view must turn before it counts as another."""
 WORKING_DISTANCE = 5.0
 """mm along the duct from an instrument within which strands are seen, on whichever side."""

@@ -40,6 +40,7 @@ from app.simulation.run_file import (
     anatomy_or_name,
     strands_digest,
 )
+from app.simulation.sight import STEADY, TOWARDS_VIEWER
 from app.simulation.specimen import Specimen
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.trocar import TROCARS
@@ -197,6 +198,7 @@ class SpatialTissue:
         self.divided: bool = opening is not None and opening.divided
         usual = () if self.specimen.anatomy is None else SCOPE_INSTRUMENTS
         self._in_hand = usual if exercise is None else exercise.in_hand
+        self.view: Floats = TOWARDS_VIEWER  # (3,) unit vector towards the viewer
         self._make_whole()
 
     def renew(self) -> list[tuple[int, Applied]]:
@@ -206,11 +208,14 @@ class SpatialTissue:
         for hand, before in enumerate(hands):
             self.put_hand(hand, before.place)
             self.hands[hand].target[:] = before.target
-        return [
+        under_way: list[tuple[int, Applied]] = [
             (hand, ("move", tuple(holder.target.tolist())))
             for hand, holder in enumerate(self.hands)
             if not holder.arrived
         ]
+        if self.view is not TOWARDS_VIEWER:
+            under_way.append((0, ("view", tuple(self.view.tolist()))))
+        return under_way
 
     def _make_whole(self) -> None:
         opened = self._opened
@@ -280,6 +285,8 @@ class SpatialTissue:
             begin()
             self.choose_instrument(hand, instrument)
             return kind, values
+        if kind == "view":
+            return self._look_from(values)
         if kind in ("aim", "spread"):
             return self._turn(hand, kind, values, begin)
         if kind in ("clip", "divide"):
@@ -324,6 +331,17 @@ class SpatialTissue:
     def instruments(self) -> tuple[Instrument, ...]:
         """What its hands may have: to clip and divide only where something flows."""
         return ALL_INSTRUMENTS if self.fluids else INSTRUMENTS
+
+    def _look_from(self, towards: tuple[float, ...]) -> Applied | None:
+        """Let the tissue be seen from elsewhere, if that is farther than a glance away."""
+        size = math.sqrt(sum(each * each for each in towards))
+        if size == 0.0:
+            return None
+        view = np.array(towards) / size
+        if float((view * self.view).sum()) > STEADY:
+            return None
+        self.view = view
+        return "view", _vector(view.tolist())
 
     def _turn(
         self, hand: int, kind: InputKind, values: tuple[float, ...], begin: Callable[[], bool]

@@ -190,6 +190,38 @@ def test_the_measures_are_those_of_the_readings() -> None:
     assert found["strands_broken_by_instrument"] == 0
 
 
+def test_what_is_out_of_sight_depends_on_the_view_which_is_an_input() -> None:
+    """Seen from the other side, what was hidden is seen and the rest is hidden."""
+    hidden, far = [], 0
+    for towards in ((0.0, -0.8, 0.6), (0.0, 1.6, -1.2)):
+        session = bed_session(phantom(), bed_seed=3, vertices=300)
+        session.look_from(towards)
+        start = session.grab(0, 25.4)
+        assert start is not None
+        session.look_from(np.array(towards) + 0.05)  # a glance aside
+        beam, far = session.spatial.beam, 0
+        damage = beam.damage
+        for tick in range(90):
+            session.move_hand(0, start + np.array([0.0, 0.0, 0.1 * tick]))
+            session.advance()
+            new = np.flatnonzero((beam.damage >= 1.0) & (damage < 1.0))
+            damage = beam.damage
+            away = np.abs(beam.strand_ends(new)[:, 0] - session.spatial.hands[0].place[0])
+            far += int((away > 5.0).sum())
+        hidden.append(session.metrics()["strands_broken_out_of_sight"])
+    assert sum(hidden) == far > 0
+    assert hidden[0] > hidden[1] > 0  # of the strands below the duct most are on the far side
+    run = session.run_file()
+    views = [each for each in run.log.inputs if each.kind == "view"]
+    assert [(each.tick, each.value) for each in views] == [(0, pytest.approx((0.0, 0.8, -0.6)))]
+    assert run.log.inputs[0].kind == "view"
+    again = replayed(run_json(run)).run_file()
+    assert again.log == run.log
+    assert again.metrics == run.metrics
+    session.reset()
+    assert session.spatial.view.tolist() == [0.0, -0.8, 0.6]
+
+
 inputs = st.one_of(
     st.tuples(st.just("choose_instrument"), st.integers(0, 1), st.sampled_from(INSTRUMENTS)),
     st.tuples(st.just("grab"), st.integers(0, 1), st.floats(0.0, 50.0)),

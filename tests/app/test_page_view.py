@@ -9,7 +9,7 @@ import pytest
 from program import LONGEST
 from simulated import phantom
 
-from app.simulation import Exercise, Stay
+from app.simulation import TOWARDS_VIEWER, Exercise, Stay
 from app.trainer.client.practice import Practice
 from app.trainer.client.workers import Workers
 from app.trainer.view.page_view import PageView
@@ -37,6 +37,7 @@ def view() -> Iterator[Any]:
     workers = Workers()
     practice = Practice(phantom(), None, "free")
     scene, panel = cast(Any, MagicMock()), cast(Any, Results)
+    scene.return_value.towards_viewer = TOWARDS_VIEWER
     yield PageView(
         MagicMock(), practice, workers, "plain", exercise_inputs="any", scene=scene, panel=panel
     )

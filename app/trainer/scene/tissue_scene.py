@@ -11,7 +11,7 @@ import viser
 from numpy.typing import NDArray
 from viser import transforms
 
-from app.simulation import Hand, Phase, Preset, Reading, Session
+from app.simulation import TOWARDS_VIEWER, Hand, Phase, Preset, Reading, Session
 from app.trainer.scene.annotations import Annotations
 from app.trainer.scene.drag_proxy import DragProxy, Hold
 from app.trainer.scene.force_arrow import ForceArrow
@@ -168,6 +168,13 @@ class TissueScene:
                 clamp = session.tissue.dissection.clamps[0]
                 out[:] = session.spatial.freed_at(surface.skin.stations - clamp)
         return self._values
+
+    @property
+    def towards_viewer(self) -> NDArray[np.float64]:
+        """(3,) direction to the client's camera, in the frame of the stage and the duct."""
+        stage = self._stage
+        seen = None if stage is None else stage.towards_viewer(self._client)
+        return TOWARDS_VIEWER if seen is None else seen
 
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""

@@ -123,6 +123,11 @@ class ScopeScene:
             number = page_number(self._told)
             run_function(self._client.scene, "bluntdissectScope.lead", number, leads)
 
+    @property
+    def towards_viewer(self) -> NDArray[np.float64]:
+        """(3,) direction back along the scope's picture."""
+        return self._held.camera.axes[:, 2]
+
     def say_standing(self, *, figures: bool) -> None:
         """Nothing is written into the picture of a camera."""
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 import viser
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from app.trainer.stage.appearance import Appearance
 from app.trainer.stage.bench import bench_glb
@@ -182,6 +182,11 @@ class Stage:
         self._settling_time = _HOMING_TIME if settled else _SETTLING_TIME
         self._looked_around = False
         self._frame(client, client.camera.aspect)
+
+    def towards_viewer(self, client: viser.ClientHandle) -> NDArray[np.float64] | None:
+        """Return the (3,) direction to the camera of a client who has looked around, or None."""
+        camera = client.camera
+        return camera.position - camera.look_at if self._looked_around else None
 
     def camera_moved(self, client: viser.ClientHandle) -> None:
         """Keep both clamps in the client's picture when its camera or its shape has changed.

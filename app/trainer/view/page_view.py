@@ -4,7 +4,9 @@ from collections.abc import Callable
 from threading import Lock, Thread
 from typing import Protocol
 
+import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from app.anatomy import Anatomy, anatomy_network
 from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, RunFile, Session
@@ -68,6 +70,11 @@ class Scene(Protocol):
 
     def lead_into_picture(self, into: bool) -> None:
         """Let drags go into the picture, and those with Shift in its plane; or the other way."""
+        ...
+
+    @property
+    def towards_viewer(self) -> NDArray[np.float64]:
+        """(3,) direction in the tissue's frame to the camera."""
         ...
 
     def frame_camera(self) -> None:
@@ -303,6 +310,8 @@ class PageView:
         scene_moved = self._scene.advance(ticks)
         if (playback := state.playback) is not None:
             return playback.tick(ticks) or scene_moved
+        if not state.paused:
+            self.session.look_from(self._scene.towards_viewer)
         return state.advance(ticks) or scene_moved
 
     def _has_news(self) -> bool:
