@@ -64,6 +64,7 @@ class DuctChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     preset: str | None = None
     bed: str | None = None
     seed: int = 1  # of the bed's scatter
+    relaxes: bool = False  # while it is held, in a bed
 
 
 class SetExercise(msgspec.Struct, frozen=True):
@@ -108,6 +109,8 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"text must have at most {LONGEST_TEXT} characters")
         if self.goal in PULLS and self.duct.bed is not None:
             raise ValueError(f"duct.bed does not go with {self.goal}, which has no bed")
+        if self.goal in PULLS and self.duct.relaxes:
+            raise ValueError(f"duct.relaxes does not go with {self.goal}, which has no bed")
         numbers = NUMBERS[self.goal]
         if unknown := sorted(set(renamed_numbers(self.limits)) - set(numbers)):
             raise ValueError(
@@ -125,7 +128,7 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             bed = None if self.duct.bed is None else bed_named(self.duct.bed)
             specimen = specimen_in_bed(organ, chosen, bed, bed_seed=self.duct.seed)
         span = specimen.beam.span
-        offered = exercises_offered(Session(specimen, vertices=FEW))
+        offered = exercises_offered(Session(specimen, vertices=FEW), relaxes=self.duct.relaxes)
         found = next((each for each in offered if each.name == self.goal), None)
         if found is None:
             raise ValueError(f"goal {self.goal} cannot be reached on this duct in this bed")

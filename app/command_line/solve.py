@@ -300,7 +300,7 @@ def _solve_in_bed(
     at = 0.5 * specimen.beam.span if options.hook is None else options.hook
     beam = specimen.space_beam(elements=options.elements, nodes_at=[at])
     hand = Hand(at=at, path=path, steps=steps)
-    strands, wall = specimen.relaxing
+    strands, wall = specimen.relaxing()
     history = pull(
         beam,
         specimen.layer(beam, options.strands),

@@ -78,6 +78,7 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     bed_seed: int = 1  # of the bed's scatter
     opened_mm: tuple[float, float] | None = None  # free at the start
     divided: bool = False  # the duct ends at its second clamp, which is gone
+    relaxes: bool = False  # whether strands and walls relax while they are held
     anatomy: str | Anatomy | None = None  # name of a shipped one, or another in full
 
     def __post_init__(self) -> None:

@@ -69,13 +69,15 @@ MOST_STRANDS = 10**6
 IN_BED = ("window", "follow_front", "free_scar")
 
 
-def exercises_offered(session: Session) -> tuple[Exercise, ...]:
+def exercises_offered(session: Session, *, relaxes: bool = False) -> tuple[Exercise, ...]:
     """Return the exercises for a session's duct: a second's work the first time in a bed."""
+    # Tissue relaxes in them, and while limits are found, as is asked for and not as in the session.
     specimen = session.specimen
     if specimen.anatomy is not None:
         return _at_anatomy(session.spatial, specimen.anatomy)
     if specimen.bed is not None:
-        return _in_bed(replace(specimen, threshold_MPa=session.tissue.threshold))
+        threshold = session.tissue.threshold
+        return _in_bed(replace(specimen, threshold_MPa=threshold, relaxation=relaxes))
     return () if specimen.theory is None else _of_free_duct(session.task_beam())
 
 
@@ -162,16 +164,17 @@ def _in_bed(specimen: Specimen) -> tuple[Exercise, ...]:
 def _offered(specimen: Specimen, name: str) -> Exercise | None:
     """Return an exercise with its limits and a seed, or None where good hands cannot do it."""
     bed, seed, kind = specimen.bed, specimen.bed_seed, EXERCISES[name]
+    relaxes = bool(specimen.relaxation)
     assert bed is not None  # noqa: S101 (the caller's)
     span = specimen.beam.span
     goal, opened = _goal(span, name, bed)
     session = Session(specimen, vertices=FEW)
 
     def asked(bed: BedPreset, seed: int, *limits: Limit) -> Exercise:
-        divided = opened is not None
-        return _exercise(
-            name, goal, limits, Opening(named_or_whole(bed), seed, opened, divided=divided)
+        where = Opening(
+            named_or_whole(bed), seed, opened, divided=opened is not None, relaxes=relaxes
         )
+        return _exercise(name, goal, limits, where)
 
     even = msgspec.structs.replace(
         asked(msgspec.structs.replace(bed, scatter=0.0), 1), limits=(Limit("tear", 0),)

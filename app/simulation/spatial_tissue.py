@@ -106,6 +106,9 @@ BIN_MM, FREED_PART = 1.0, 0.95
 """mm, and the part of a bin's strands that must have parted for its stretch to be free."""
 # A tick in which no node moves farther has reached equilibrium: no strand yields any more.
 STILL_MM = 1e-6
+# Tissue that relaxes does so for minutes: it is left as it is once no node moves farther, and its
+# stress changes by no more of the strength.
+RELAXED_MM, RELAXED_PART = 1e-5, 1e-6
 
 
 class Rod(NamedTuple):
@@ -199,6 +202,7 @@ class SpatialTissue:
         usual = () if self.specimen.anatomy is None else SCOPE_INSTRUMENTS
         self._in_hand = usual if exercise is None else exercise.in_hand
         self.view: Floats = TOWARDS_VIEWER  # (3,) unit vector towards the viewer
+        self._relaxing = self.specimen.relaxing(None if opening is None else opening.relaxes)
         self._make_whole()
 
     def renew(self) -> list[tuple[int, Applied]]:
@@ -220,7 +224,7 @@ class SpatialTissue:
     def _make_whole(self) -> None:
         opened = self._opened
         tubes = self.tubes
-        strands, wall = self.specimen.relaxing
+        strands, wall = self._relaxing
         self.beam = BeamOnBed(
             _with_free_end(tubes.network) if self.divided else tubes.network,
             tubes.strands,
@@ -574,12 +578,16 @@ class SpatialTissue:
             for rod, tip in self._tips(number):
                 beam.lead_rod(rod, tip)
         self._before[:] = beam.places
+        before = self.stress_ratio
         beam.tick(TICK_SECONDS, ticks=SUBSTEPS)
         farthest, broken = _changes(self._before, beam.places, beam.state.damage)
-        self._still = farthest <= STILL_MM
+        relaxes = self._relaxing != (None, None)
+        self._still = farthest <= (RELAXED_MM if relaxes else STILL_MM)
         if broken != self.broken:
             self.broken, self.freed = broken, beam.freed
         self._take_stresses()
+        if relaxes and abs(self.stress_ratio - before) > RELAXED_PART:
+            self._still = False
         return True
 
     def _take_stresses(self) -> None:
@@ -819,8 +827,8 @@ class SpatialTissue:
             broken_by_touch=self._broken_by_touch,
             tips_mm=tips,
             anatomy=None if anatomy is None else anatomy_or_name(anatomy),
-            strand_relaxation=Prony.of(specimen.relaxing[0]),
-            wall_relaxation=Prony.of(specimen.relaxing[1]),
+            strand_relaxation=Prony.of(self._relaxing[0]),
+            wall_relaxation=Prony.of(self._relaxing[1]),
         )
 
     def goal_of(self, exercise: Exercise) -> None:

@@ -128,12 +128,11 @@ class Specimen:
         """The theory, or the one that the beam in space equals where no bed holds it."""
         return Exact(self.preset.law_in_space) if self.theory is None else self.theory
 
-    @property
-    def relaxing(self) -> tuple[Relaxation | None, Relaxation | None]:
-        """How strands and walls relax."""
+    def relaxing(self, wanted: bool | None = None) -> tuple[Relaxation | None, Relaxation | None]:
+        """How strands and walls relax; constants of its own stay where another choice is wanted."""
         if isinstance(self.relaxation, tuple):
             return self.relaxation
-        if not self.relaxation:
+        if not (self.relaxation if wanted is None else wanted):
             return None, None
         names = None if self.bed is None else self.bed.relaxation, self.preset.relaxation
         if self.anatomy is not None:
@@ -187,7 +186,7 @@ class Specimen:
     def on_bed(self, beam: SpaceBeam, *, rods: int = 0, retrace: bool = False) -> BeamOnBed:
         """Return the beam in space on its bed, or free, in real time."""
         layer = self.layer(beam)
-        strands, wall = self.relaxing
+        strands, wall = self.relaxing()
         if layer is None:
             return BeamOnBed(beam, rods=rods, retrace=retrace, wall_relaxation=wall)
         return BeamOnBed(

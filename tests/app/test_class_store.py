@@ -251,6 +251,23 @@ def test_an_exercise_file_asks_what_the_trainer_would(goal: Goal) -> None:
     assert SetExercise.of_json(found.json) == found
 
 
+def test_an_exercise_file_may_let_tissue_relax_with_limits_found_so() -> None:
+    plain, relaxing = (
+        read_exercise(template("window").replace("seed = 1 ", f"relaxes = {each}\nseed = 1 ")).on(
+            phantom(), None
+        )
+        for each in ("false", "true")
+    )
+    for found, relaxes in ((plain, False), (relaxing, True)):
+        assert found.exercise.opening is not None
+        assert found.exercise.opening.relaxes is relaxes
+    ratio = "peak_stress_ratio"
+    assert relaxing.exercise.limit_of[ratio] < plain.exercise.limit_of[ratio]
+    assert SetExercise.of_json(relaxing.json) == relaxing
+    with pytest.raises(ValueError, match=r"duct\.relaxes does not go with hold_stretch"):
+        read_exercise(template("hold_stretch").replace("[duct]", "[duct]\nrelaxes = true"))
+
+
 def test_an_exercise_file_may_change_which_errors_fail_it() -> None:
     text = template("window").replace("# repeated_holds = 3", "repeated_holds = 3\nstirring = 2")
     plain, changed = (

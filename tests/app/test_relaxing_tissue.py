@@ -1,6 +1,7 @@
 """Tissue that relaxes while it is held: presets, scenes, `solve --bed`, sessions and their runs."""
 
 import json
+import math
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -18,11 +19,14 @@ from app.simulation import (
     Specimen,
     bed_named,
     bed_presets,
+    exercises_offered,
     preset_named,
     read_run,
     run_json,
 )
 from app.simulation.relaxation_preset import relaxation_named
+from app.simulation.scripted_hands import Lift, perform
+from physics.bed import Relaxation
 
 SCENE = """
 [beam]
@@ -161,6 +165,59 @@ def test_a_run_plays_again_as_it_relaxed(relaxation: bool) -> None:
     again = Replay(read_run(content).log, phantom(), vertices=300)
     again.seek_tick(again.log.ticks)
     assert bits(again.session) == bits(session)
+
+
+def test_exercises_say_whether_tissue_relaxes_in_them_and_practice_goes_on_as_before() -> None:
+    specimen = Specimen(
+        preset_named("thesis-bile-duct"), phantom(), bed_named("normal"), relaxation=True
+    )
+    session = Session(specimen, vertices=300)
+
+    def fall() -> float:
+        """Fall of the force in 5 s of holding, over the force."""
+        start = session.grab(0, 25.0)
+        assert start is not None
+        session.move_hand(0, start + np.array([0.0, 0.0, 1.0]))
+        session.advance(30)
+        before = session.reading().force
+        session.advance(150)
+        return 1.0 - session.reading().force / before
+
+    free = fall()
+    assert free > 0.03
+    for relaxes in (False, True):
+        window = exercises_offered(session, relaxes=relaxes)[0]
+        session.start_exercise(window)
+        found = fall()
+        assert found == pytest.approx(free, rel=0.02) if relaxes else abs(found) < 1e-3
+        start = session.run_file().log.start
+        assert (start.wall_relaxation is not None) is relaxes
+        perform(session, Lift())
+        run = session.run_file()
+        assert Replay(run.log, phantom(), vertices=300).run_file() == run
+    session.reset()
+    assert fall() == free
+
+
+def test_tissue_that_is_held_goes_on_until_it_has_relaxed() -> None:
+    """Nodes of a duct that is held hardly move, while its force still falls."""
+    quick = Relaxation((0.3,), (0.5,))
+    session = Session(
+        Specimen(preset_named("thesis-bile-duct"), phantom(), relaxation=(None, quick)),
+        vertices=300,
+    )
+    start = session.grab(0, 25.0)
+    assert start is not None
+    session.move_hand(0, start + np.array([0.0, 0.0, 6.0]))
+    ticks = next(tick for tick in range(3000) if not session.advance())
+    assert ticks > 5 * 0.5 * 30
+    held = session.reading().force
+    for _ in range(300):
+        session.spatial.beam.tick(1.0 / 30.0, ticks=8)
+    beam = session.spatial.beam
+    node = session.spatial.hands[0].node
+    assert node is not None
+    assert math.hypot(*beam.hand_force(node)) == pytest.approx(held, rel=1e-3)
 
 
 def test_a_run_with_an_impossible_relaxation_is_refused() -> None:

@@ -1,6 +1,7 @@
 """What a trainee has in hand: a session of each scene that a page can begin with."""
 
 from collections.abc import Callable
+from functools import partial
 from threading import Lock
 from typing import Literal, NamedTuple, get_args
 
@@ -36,7 +37,9 @@ SCENES: dict[SceneName, Start] = {
         usual_anatomy,
     ),
     "bed": Start(
-        "A duct in its bed", "Free the duct from its bed, before it tears (M)", specimen_in_bed
+        "A duct in its bed",
+        "Free the duct from its bed, before it tears (M)",
+        partial(specimen_in_bed, relaxation=True),
     ),
     "free": Start(
         "A free duct",
