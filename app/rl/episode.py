@@ -7,11 +7,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from app.rl.task import OBSERVATIONS, PIXELS, VERTICES, Task
+from app.rl.task import PIXELS, VERTICES, Task
 from app.simulation import (
     HOLDING,
-    INSTRUMENTS,
+    MOST_SUCTION,
     TICK_SECONDS,
+    Safety,
     Session,
     SpatialTissue,
 )
@@ -35,13 +36,14 @@ class Episode:
 
     def __init__(self, task: Task, session: Session | None = None) -> None:
         self.task = task
+        self._view: Safety | None = None
         if session is None:
             self.session = Session(task.duct, vertices=VERTICES)
             self.reset(int(task.seeds[0]))
         else:
             self.session, self.bed_seed = session, session.specimen.bed_seed
             self._begin()
-        self.bounds = task.bounds(self._tissue.beam.stations.size)
+        self.bounds = task.bounds(self._tissue)
         self._camera = task.view(*task.picture) if PIXELS in self.bounds else None
 
     @property
@@ -59,6 +61,10 @@ class Episode:
         self._begin()
 
     def _begin(self) -> None:
+        tissue = self._tissue
+        if self.task.several and self._view is None:
+            self._view = Safety(tissue)
+        self._used = [False] * self.task.hands
         self._rates: dict[int, list[float]] = {}  # mm a tick, of acting hands and their jaws
         self.terminated = self.truncated = self.lost = False
         self._totals = self._counted()
@@ -96,7 +102,9 @@ class Episode:
         rates: list[list[float]] = (rows[:, :4] * (task.speed * TICK_SECONDS)).tolist()
         acting = range(task.hands) if hands is None else hands
         for hand in acting:
-            self._grip(hand, *rows[hand, 4:].tolist())
+            named = dict(zip(task.acted, rows[hand].tolist(), strict=True))
+            self._grip(hand, named["grip"], named.get("instrument"))
+            self._use(hand, used=named.get("use", -1.0) > 0.0)
         self._rates = {hand: rates[hand] for hand in acting}
 
     def lead(self) -> None:
@@ -125,19 +133,45 @@ class Episode:
         """Choose an instrument, where that is free, and take hold or let go."""
         session, holder = self.session, self._tissue.hands[hand]
         if instrument is not None:
-            quarter = min(int(0.5 * (instrument + 1.0) * len(INSTRUMENTS)), len(INSTRUMENTS) - 1)
-            if INSTRUMENTS[quarter] != holder.instrument:
-                session.choose_instrument(hand, INSTRUMENTS[quarter])
+            known = self.task.known
+            chosen = known[min(int(0.5 * (instrument + 1.0) * len(known)), len(known) - 1)]
+            if chosen != holder.instrument:
+                session.choose_instrument(hand, chosen)
         held = holder.node is not None
         if held and grip <= 0.0:
             session.release(hand)
         elif not held and grip > 0.0 and holder.instrument in HOLDING:
-            away = self._tissue.beam.places - holder.place
-            squares = (away**2).sum(axis=1)
-            nearest = int(squares.argmin())
-            if squares[nearest] <= REACH_MM**2:
-                beam, span = self._tissue.beam, self.task.duct.beam.span
-                session.grab(hand, float(beam.stations[nearest]) * span / beam.beam.span)
+            found = self._within_reach(holder.place)
+            if found is not None:
+                session.grab(hand, *found)
+
+    def _within_reach(self, place: Floats) -> tuple[float, int] | None:
+        """Return the station and the tube of the node next to a place, if one is near enough."""
+        beam, tubes = self._tissue.beam, self._tissue.tubes
+        squares = ((beam.places - place) ** 2).sum(axis=1)
+        nearest = int(squares.argmin())
+        for tube, (name, rest) in enumerate(tubes.network.tubes.items()):
+            at = np.flatnonzero(beam.nodes_of(name) == nearest)
+            if not at.size:
+                continue
+            station = float(beam.stations_of(name)[at[0]])
+            reach = REACH_MM
+            if self.task.several:  # a gallbladder's wall is far from its axis
+                reach = max(reach, float(np.interp(station, rest.stations, rest.radius)))
+            near = squares[nearest] <= reach**2
+            return (station / tubes.surfaces[tube].scale, tube) if near else None
+        return None
+
+    def _use(self, hand: int, *, used: bool) -> None:
+        """Clip or divide as a hand begins to use its instrument, and suck while it does."""
+        session, before = self.session, self._used[hand]
+        if used == before:
+            return
+        self._used[hand] = used
+        session.suck(hand, MOST_SUCTION if used else 0.0)
+        if used:
+            session.clip(hand)
+            session.divide(hand)
 
     def judge(self) -> float:
         """Set whether the episode is over, and the terms of the step's reward; return their sum."""
@@ -154,20 +188,34 @@ class Episode:
 
     def _counted(self) -> dict[str, float]:
         """Return what the reward's terms are the growth of."""
-        task, run = self.task, self.session.run
-        self._parted = self._tissue.freed_at(task.bins)
-        goal = task.goal
-        within = self._parted[task.within]
-        asked = goal.length_mm / (goal.to_mm - goal.from_mm)
+        run = self.session.run
         return {
             "progress": run.progress,
-            "parted": min(float(within.mean()) / asked, 1.0),
+            "parted": self._share_parted(),
             "time": run.seconds,
             "errors": len(run.incidents()),
             "stress": self._tissue.peak_stress_ratio,
             "passed": self._passed,
             "failed": self.terminated and not self._passed,
         }
+
+    def _share_parted(self) -> float:
+        """Return the share of strands that the goal asks for that have parted, 0 to 1."""
+        tissue, task, goal = self._tissue, self.task, self.task.goal
+        self._parted = np.concatenate(
+            [
+                surface.freed_at(tissue.beam.damage[mine], bins)
+                for surface, mine, bins in zip(
+                    tissue.tubes.surfaces, tissue.tubes.strands_of, task.bins, strict=True
+                )
+            ]
+        )
+        if self._view is not None:
+            self._seen = view = self._view.critical_view()
+            return (view.neck + view.triangle + view.plate) / 3.0
+        assert goal is not None  # noqa: S101 (of a duct in its bed)
+        asked = goal.length_mm / (goal.to_mm - goal.from_mm)
+        return min(float(self._parted[task.within].mean()) / asked, 1.0)
 
     @property
     def _passed(self) -> bool:
@@ -205,17 +253,38 @@ class Episode:
         for row, holder, force in zip(hands, tissue.hands, tissue.forces, strict=False):
             row[:3], row[3:6] = holder.place, force
             row[6], row[7] = holder.node is not None, holder.opening
-            row[8 + INSTRUMENTS.index(holder.instrument)] = 1.0
+            row[8 + task.known.index(holder.instrument)] = 1.0
         out["duct"][:] = tissue.beam.places - tissue.beam.rest_places
         out["strands"][:] = 1.0 - self._parted
         out["wall"][:] = tissue.stress_ratio, tissue.station, tissue.peak_stress_ratio
         left = (task.limit_ticks - self.session.run.ticks) * TICK_SECONDS
-        out["goal"][:] = goal.from_mm, goal.to_mm, goal.length_mm, self._totals["progress"], left
-        for key in OBSERVATIONS:
+        progress = self._totals["progress"]
+        if goal is not None:
+            out["goal"][:] = goal.from_mm, goal.to_mm, goal.length_mm, progress, left
+        else:
+            self._write_anatomy(out)
+            out["view"][-2:] = progress, left
+        for key in task.observed:
             low, high = self.bounds[key]
             if self.lost:
                 np.nan_to_num(out[key], copy=False)
             np.clip(out[key], low, high, out=out[key])
+
+    def _write_anatomy(self, out: Observation) -> None:
+        tissue, view = self._tissue, self._seen
+        out["tubes"][:, 0] = tissue.stress_ratios
+        out["tubes"][:, 1] = [each is not None for each in tissue.tears]
+        for row, flow in zip(out["fluids"], tissue.fluids.values(), strict=True):
+            row[:] = 1e-3 * flow.lost, 1e-3 * flow.rate
+        out["view"][:7] = (
+            view.two_structures,
+            view.triangle_cleared,
+            view.plate_freed,
+            min(view.structures.values(), default=1.0),
+            view.neck,
+            view.triangle,
+            view.plate,
+        )
 
     def picture(self, height: int = 240, width: int = 320) -> NDArray[np.uint8]:
         """Return a picture, (height, width, 3)."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from app.simulation import HANDS, TOWARDS_HAND, SpatialTissue
 from kernel_cache import njit
 
-__all__ = ["Camera", "Pose"]
+__all__ = ["TOWARDS_VIEWER", "Camera", "Pose"]
 
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -29,6 +29,10 @@ SHAFTS = {
     "grasper": (120, 190, 250),
     "dissector": (190, 230, 150),
     "swab": (245, 245, 245),
+    "right angle": (160, 160, 220),
+    "clip applier": (230, 150, 210),
+    "scissors": (250, 140, 100),
+    "suction": (110, 110, 110),
 }
 """Colours, red, green and blue; instruments differ in lightness too."""
 

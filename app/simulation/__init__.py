@@ -74,6 +74,7 @@ from app.simulation.sight import TOWARDS_VIEWER
 from app.simulation.spatial_tissue import (
     JAW_RADIUS,
     MOST_OPENING,
+    MOST_SUCTION,
     SWAB_RADIUS,
     TOWARDS_HAND,
     Event,
@@ -111,6 +112,7 @@ __all__ = [
     "MODES",
     "MOST_BYTES",
     "MOST_OPENING",
+    "MOST_SUCTION",
     "PIECES",
     "SETTLED_SECONDS",
     "SWAB_RADIUS",

@@ -49,8 +49,8 @@ from physics import RuptureCheck
 from physics.bed import BeamOnBed, Network
 
 __all__ = [
-    "ELEMENTS", "HANDS", "JAW_RADIUS", "MOST_OPENING", "SUBSTEPS", "SWAB_RADIUS", "TOWARDS_HAND",
-    "Event", "EventKind", "Rod", "SpatialTissue", "Touch",
+    "ELEMENTS", "HANDS", "JAW_RADIUS", "MOST_OPENING", "MOST_SUCTION", "SUBSTEPS", "SWAB_RADIUS",
+    "TOWARDS_HAND", "Event", "EventKind", "Rod", "SpatialTissue", "Touch",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]

@@ -3,9 +3,16 @@
 import sys
 from pathlib import Path
 
-from app.rl.task import ACTIONS, OBSERVATIONS, REWARDS, Number, Task
+from app.rl.task import ACTIONS, AT_ANATOMY, OBSERVATIONS, REWARDS, Number, Task
 
 SHAPES = {"hands": "(hands, 12)", "duct": "(41, 3)", "strands": "(51,)"}
+SHAPES_AT_ANATOMY = {
+    "hands": "(hands, 16)",
+    "duct": "(95, 3)",
+    "strands": "(219,)",
+    "tubes": "(5, 2)",
+    "fluids": "(2, 2)",
+}
 START, END = "<!-- from the code -->\n", "<!-- to here -->\n"
 
 
@@ -15,10 +22,26 @@ def tables() -> str:
     for key, numbers in OBSERVATIONS.items():
         shape = SHAPES.get(key, f"({len(numbers)},)")
         lines += [f"### `{key}`, {shape} float32", "", *_rows(numbers), ""]
-    lines += ["### Actions, (hands x 5,) float32, or x 6 with free instruments", ""]
-    lines += [*_rows(ACTIONS), "", "### Reward", "", "| term | weight | times |", "|---|---|---|"]
+    lines += ["### Actions, (hands x 5,) float32", ""]
+    lines += [
+        "With free instruments there are 6 for each hand, at an anatomy 6, and with both 7.",
+        "",
+        *_rows(ACTIONS),
+        "",
+        "### Reward",
+        "",
+        "| term | weight | times |",
+        "|---|---|---|",
+    ]
     lines += [f"| {name} | {weight:g} | {what} |" for name, (weight, what) in REWARDS.items()]
-    return "\n".join(lines) + "\n"
+    lines += ["", "### At an anatomy", ""]
+    for key, numbers in AT_ANATOMY.items():
+        shape = SHAPES_AT_ANATOMY.get(key, f"({len(numbers)},)")
+        if numbers == OBSERVATIONS.get(key):
+            lines += [f"`{key}`, {shape} float32, has the same numbers as in a bed.", ""]
+        else:
+            lines += [f"`{key}`, {shape} float32", "", *_rows(numbers), ""]
+    return "\n".join(lines).rstrip() + "\n"
 
 
 def _rows(numbers: tuple[Number, ...]) -> list[str]:

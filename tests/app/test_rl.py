@@ -32,6 +32,7 @@ ROOT = Path(__file__).parents[2]
         {"instruments": "free", "bed": "inflamed", "time_limit": 0.2, "seeds": (2**63 - 1,)},
         {"observation": "both", "picture": (16, 1024)},
         {"observation": "pixels", "camera": ((0.0, -90.0, 9.0), (9.0, 0.0, 0.0))},
+        {"anatomy": "normal", "exercise": "critical_view", "instruments": "free"},
         {"hands": 1, "instruments": ("swab",), "reward": {"errors": 0.0}, "time_limit": 3600.0},
     ],
 )
@@ -98,6 +99,53 @@ def test_an_episode_is_a_run_that_replays_to_the_bit() -> None:
     assert again.outcome == run.outcome
 
 
+def test_an_artery_is_divided_through_actions_at_an_anatomy() -> None:
+    """Its hook holds the gallbladder by its wall; the run replays to the bit."""
+    env = DissectionEnv(
+        anatomy="normal", exercise="critical_view", instruments=("hook", "scissors")
+    )
+    observed, _ = env.reset(seed=1)
+    assert env.episode is not None
+    tissue = env.episode.session.spatial
+    hands, beam = tissue.hands, tissue.beam
+
+    def lead(hand: int, goal: np.ndarray, steps: int, **more: float) -> dict[str, Any]:
+        """Lead a hand to a place; the hook holds from when it is told to on."""
+        for _ in range(steps):
+            action = np.zeros((2, 6), np.float32)
+            action[:, 4] = 2.0 * observed["hands"][:, 6] - 1.0
+            action[:, 5] = -1.0
+            action[hand, :3] = np.clip((goal - hands[hand].target) / 2.0, -1.0, 1.0)
+            for name, value in more.items():
+                action[hand, env.task.acted.index(name)] = value
+            found, _, terminated, _, info = env.step(action.ravel())
+            observed.update(found)
+            if terminated:
+                return info
+        return {}
+
+    wall = beam.places[beam.nodes_of("gallbladder")[6]] + np.array([0.0, 0.0, 5.0])
+    lead(0, wall, 60)
+    lead(0, hands[0].target.copy(), 1, grip=1.0)
+    assert hands[0].node in beam.nodes_of("gallbladder")
+    assert observed["hands"][0, 6] == 1.0
+    nodes = beam.nodes_of("artery")
+    middle = beam.places[nodes[len(nodes) // 2]].copy()
+    lead(1, hands[1].target.copy(), 3, jaws=1.0)
+    lead(1, middle + np.array([0.0, -10.0, 25.0]), 60)
+    lead(1, middle - 3.0 * np.array(hands[1].aim), 60)
+    assert not tissue.events
+    info = lead(1, hands[1].target.copy(), 9, use=1.0)
+    assert ("division", "artery", 1) in {
+        (each.kind, each.tube, each.hand) for each in tissue.events
+    }
+    assert info["errors"] > 0
+    assert not info["passed"]
+    assert observed["fluids"][0, 1] > 0.0  # it bleeds
+    run = env.run_file()
+    assert replayed(run, phantom()).metrics == run.metrics
+
+
 def test_a_picture_shows_the_duct_where_it_is_and_as_large() -> None:
     """By the silhouette of a cylinder with round ends, seen from straight across."""
     away, side, field = 200.0, 240, math.radians(60.0)
@@ -142,6 +190,8 @@ def test_a_vector_environment_starts_anew_with_the_next_step() -> None:
     [
         ({"exercise": "knot"}, "'window', 'follow_front', 'free_scar'.*got 'knot'"),
         ({"bed": "feather"}, "feather"),
+        ({"anatomy": "nobody's"}, 'there is no anatomy "nobody\'s" here: normal'),
+        ({"anatomy": "normal"}, "one of 'critical_view' at the anatomy normal, got 'window'"),
         ({"preset": "glass"}, "glass"),
         ({"hands": 3}, "hands must be 1 to 2, got 3"),
         ({"instruments": ("hook",)}, "one of each hand"),
