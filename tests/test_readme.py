@@ -102,6 +102,16 @@ def test_links_and_pictures_are_there(document: Path) -> None:
         assert (document.parent / target).exists(), target
 
 
+def test_the_paper_has_its_parts_and_cites_what_its_bibliography_has() -> None:
+    paper, known = (ROOT / "paper.md").read_text(), (ROOT / "paper.bib").read_text()
+    assert set(re.findall(r"@(\w+)", paper.partition("# Summary")[2])) == set(
+        re.findall(r"^@\w+\{(\w+),", known, flags=re.MULTILINE)
+    )
+    for part in ("Summary", "Statement of need", "State of the field", "Limits", "References"):
+        assert f"\n# {part}\n" in paper
+    assert 250 < len(paper.split()) < 1000  # as JOSS asks
+
+
 def test_make_trainer_answers_and_ends() -> None:
     """The README's first command, with a free port; in the environment that make has made."""
     if not (ROOT / ".venv" / ".runs").exists():
