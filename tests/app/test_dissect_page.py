@@ -320,7 +320,7 @@ def test_the_page_changes_between_dissect_and_pull_and_a_reload_finds_both(
         tab.wait_for_node("skin")
         tab.wait_for_force(1.5)
         assert newest(dissections).session is pull
-        tab.page.keyboard.press("m")
+        tab.press("A duct in its bed")
         assert newest_dissection(dissections).session is session
         tab.wait_until(lambda: tab.figure("parted") == parted)
 
@@ -427,6 +427,8 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         assert outcome.get_attribute("data-outcome") == "Passed"
         kept = view.state.last_run
         assert kept is not None
+        expect(page.get_by_test_id("errors")).to_have_text("No errors were found in this run.")
+        tab.open("Measures")
         row = page.locator("[data-measure=freed_mm]")
         assert float(row.get_attribute("data-value") or "nan") == kept.metrics["freed_mm"]
         # The script's own hands are the expert's: every figure beside is the same.
@@ -454,6 +456,60 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         tab.slide("Time (s)", 1e4)
         tab.wait_until(lambda: tab.figure("parted") == kept.metrics["strands_broken"])
         expect(tab.readout).to_contain_text("Replay")
+        tab.press("Leave the replay")
+        tab.wait_until(lambda: view.state.playback is None)
+
+
+def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand(
+    browser: Browser, dissections: Trainer
+) -> None:
+    with trainer_page(browser, dissections.address, height=900) as tab:
+        view = newest_dissection(dissections)
+        session, page = view.session, tab.page
+        exercise = next(e for e in bed_exercises(session) if e.name == "follow_front")
+        tab.open("Learn")
+        tab.wait_until(lambda: view._panel._exercises._offered)
+        tab.choose("Exercise", exercise.title)
+        tab.press("Show me")
+        tab.wait_until(lambda: view.state.playback is not None)
+        shown = playback(view)
+        assert isinstance(shown, ReplayPlayback)
+        shown.seek(shown.duration)
+        tab.wait_until(lambda: shown.at_end)
+        outcome = shown.session.run.outcome
+        assert outcome is not None
+        assert outcome.passed
+        assert not session.run.started, "it is another session that is shown"
+        tab.press("Leave the replay")
+        tab.wait_until(lambda: view.state.playback is None)
+
+        view.state.start_exercise(exercise, Feedback.SUMMARY)
+        stop_time(tab, dissections, view)
+        perform(session, MANNERS["follow_front"]["clumsy"])
+        page.get_by_test_id("outcome").wait_for()
+        found = session.run.incidents()
+        assert found[0].error == "behind_front"
+        told = page.get_by_test_id("error")
+        expect(told).to_have_count(len(found))
+        expect(told.first).to_contain_text(found[0].sentence)
+        expect(told.first).to_contain_text("left hand, at ")
+        expect(page.get_by_test_id("timeline").locator("rect")).to_have_count(len(found))
+        expect(page.get_by_test_id("debrief-numbers")).to_contain_text("scripted expert")
+        # No hand moves the duct under its result.
+        there = session.spatial.hands[1].target.tolist()
+        view.state.choose_hand(1)
+        view.state.nudge(np.array([0.0, 5.0, 0.0]))
+        assert session.spatial.hands[1].target.tolist() == there
+        page.get_by_role(
+            "button", name=f"1. Held behind the front, {found[0].start_s:.1f} s"
+        ).click()
+        tab.wait_until(lambda: view.state.playback is not None)
+        playback(view).pause()
+        at = found[0].start_s
+        assert max(at - 1.0, 0.0) <= playback(view).time <= session.run.seconds
+        tab.wait_until(lambda: tab.slider("Time (s)") == round(playback(view).time, 2))
+        tab.slide("Time (s)", at)
+        expect(page.get_by_test_id("replayed-error")).to_contain_text(found[0].sentence)
         tab.press("Leave the replay")
         tab.wait_until(lambda: view.state.playback is None)
 

@@ -340,6 +340,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         assert run is not None
         assert run.outcome is not None
         assert run.outcome.passed
+        tab.open("Measures")
         tab.wait_until(lambda: len(run_measures(tab)) == 11)
         for name, value in run_measures(tab).items():
             assert value == run.metrics[name], name
@@ -514,6 +515,7 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
             state.paused = True  # time goes by the hand's own ticks
             perform(session, manner)
             expect(outcome).to_have_attribute("data-outcome", word)
+            tab.open("Measures")
             table.wait_for()  # the run is made again, and the expert's
             assert table.locator("th").all_inner_texts()[1:] == heads
             cells = table.locator("[data-measure=smoothness] td").all_inner_texts()
@@ -729,6 +731,7 @@ def test_panel_leaves_the_duct_free_on_a_phone(browser: Browser, trainer: Traine
             expect(tab.readout.get_by_text(name)).to_be_visible()
         tabs = [each.bounding_box() for each in tab.page.get_by_role("tab").all()]
         assert len({each["y"] for each in tabs if each is not None}) == 1
+        assert all(each["height"] >= 40.0 for each in tabs if each is not None)
         tab.page.keyboard.press("h")
         legend = tab.page.get_by_test_id("heat-legend")
         expect(legend).to_be_visible()

@@ -264,11 +264,12 @@ class PageState:
         """Return a run tick by tick, as comma-separated values."""
         return self.replay_of(run, vertices=FEW).series().csv().encode()
 
-    def start_replay(self, run: RunFile) -> None:
-        """Replay a run in place of the session, which is stopped meanwhile."""
+    def start_replay(self, run: RunFile, at: float = 0.0) -> None:
+        """Replay a run from a time, s, on, in place of the session, which is stopped meanwhile."""
         check_drawn(run)
         playback = ReplayPlayback(self.replay_of(run))
         self.release_hand()
+        playback.seek(at)
         playback.play()
         self._replayed, self.playback = run, playback
         self._changed = True

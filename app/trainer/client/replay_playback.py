@@ -2,9 +2,9 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, Replay, Session
+from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, Incident, Replay, Session
 
 __all__ = ["LivePlayback", "ReplayPlayback"]
 
@@ -29,6 +29,7 @@ class ReplayPlayback:
 
     def __init__(self, replay: Replay) -> None:
         self._replay = replay
+        self.incidents = replay.incidents()  # of the whole run
         self._last = self._replay.ticks
         self.duration = self._replay.duration  # s, the run and the recoil of the torn pieces
         self.playing = False  # whether it advances by itself
@@ -107,6 +108,7 @@ class LivePlayback:
     live = True
     duration = time = 0.0  # it is now
     playing = at_end = False
+    incidents: Sequence[Incident] = ()
 
     def __init__(self, session: Session, find: Callable[[], Session | None]) -> None:
         self.session, self._find = session, find  # to be read only

@@ -1,13 +1,24 @@
 """Exercises: choose one, read its goal and limit, do it, and see the result."""
 
 import html
+from collections.abc import Callable
 
 import viser
 
-from app.simulation import Exercise, Feedback, exercises_offered
+from app.simulation import (
+    FEW,
+    MANNERS,
+    Exercise,
+    Feedback,
+    RunFile,
+    Session,
+    exercises_offered,
+    perform,
+)
 from app.trainer.client.beside import Role
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import Choice, note, on_click, on_input, set_if_changed
+from app.trainer.panel.result_page import SHOW_ME
 
 __all__ = ["ExerciseTab"]
 
@@ -28,8 +39,10 @@ NONE, AWAITED = "None for this duct", "Working out its limits"
 class ExerciseTab:
     """The tab of exercises."""
 
-    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
-        self._state = state
+    def __init__(
+        self, gui: viser.GuiApi, state: PageState, replay: Callable[[RunFile], object]
+    ) -> None:
+        self._state, self._replay = state, replay
         self._offered: dict[str, Exercise] = {}
         self._key: object = None
         self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown(
@@ -47,6 +60,9 @@ class ExerciseTab:
             Choice(gui, "Policy", ROLES, state.choose_policy, slow=True) if beside else None
         )
         self._start = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY, disabled=True)
+        self._show_me = gui.add_button(
+            "Show me", icon=viser.Icon.SCHOOL, color="gray", visible=False, hint=SHOW_ME
+        )
         self._stop = gui.add_button(
             "Stop", icon=viser.Icon.PLAYER_STOP, color="gray", visible=False,
             hint="End the exercise as it stands",
@@ -63,6 +79,7 @@ class ExerciseTab:
         )
         on_input(self._choice, lambda _: self._describe())
         on_click(self._start, self.start)
+        on_click(self._show_me, self._perform)
         on_click(self._stop, self._end)
         self.take_offers()
 
@@ -104,7 +121,10 @@ class ExerciseTab:
             self._beside.show(state.beside.role, active=not busy)
         if not busy:
             self.take_offers()
+        shown = self._exercise
+        by_hands = shown is not None and shown.name in MANNERS and not (busy and run.started)
         for handle, visible in (
+            (self._show_me, by_hands),
             (self._choice, not busy),
             (self._feedback, not busy),
             (self._start, not busy),
@@ -134,6 +154,27 @@ class ExerciseTab:
             )
             set_if_changed(self._status, content=content)
 
+    @property
+    def _exercise(self) -> Exercise | None:
+        """The exercise that waits or goes on, else the one that is chosen."""
+        running = self._state.session.run.exercise if self._state.in_exercise else None
+        return running or self._offered.get(str(self._choice.value))
+
+    def _perform(self) -> None:
+        """Play a careful performance of the exercise, by scripted hands."""
+        state, exercise = self._state, self._exercise
+        if exercise is None:
+            return
+
+        def perform_it() -> None:
+            session = Session(state.session.specimen, vertices=FEW)
+            session.set_threshold(state.session.tissue.threshold)
+            session.start_exercise(exercise)
+            perform(session, MANNERS[exercise.name]["good"])
+            self._replay(session.run_file())
+
+        state.attempt("Scripted hands do it.", perform_it)
+
     def _end(self) -> None:
         if self._state.session.run.started:
             self._state.finish()
@@ -141,13 +182,14 @@ class ExerciseTab:
             self._state.reset()
 
     def _describe(self) -> None:
-        running = self._state.session.run.exercise if self._state.in_exercise else None
-        exercise = running or self._offered.get(str(self._choice.value))
+        exercise = self._exercise
         if exercise is None:
             self._task.content = ""
             return
         title = (
-            f"<b style='font-size:14px'>{html.escape(exercise.title)}</b><br>" if running else ""
+            f"<b style='font-size:14px'>{html.escape(exercise.title)}</b><br>"
+            if self._state.in_exercise
+            else ""
         )
         self._task.content = (
             "<div data-testid='task' style='margin:0 12px 10px;padding:8px 10px;border-radius:6px;"

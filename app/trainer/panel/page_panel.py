@@ -63,7 +63,7 @@ class PagePanel:
         with tabs.add_tab("Train"):
             self._train = TrainTab(gui, state)
         with tabs.add_tab(LEARN):
-            self._exercises = ExerciseTab(gui, state)
+            self._exercises = ExerciseTab(gui, state, self.replay)
         with tabs.add_tab("Compare"):
             self._compare = CompareTab(gui, state)
         with tabs.add_tab(REPLAY):
@@ -127,11 +127,11 @@ class PagePanel:
             state.start_again(run)
             open_tab(state.client, LEARN)
 
-        show_result(state, run, again, lambda: self.replay(run))
+        show_result(state, run, again, self.replay)
 
-    def replay(self, run: RunFile) -> None:
-        """Replay a run, in the tab of replays."""
-        self._replay.replay(lambda: run)
+    def replay(self, run: RunFile, at: float = 0.0) -> None:
+        """Replay a run from a time, s, on, in the tab of replays."""
+        self._replay.replay(lambda: run, at)
         open_tab(self._state.client, REPLAY)
 
     def close(self) -> None:

@@ -1,12 +1,14 @@
 """Replay: a run replayed in the picture, with a slider over its time."""
 
-from collections.abc import Callable
+import html
+from collections.abc import Callable, Sequence
 
 import viser
 
-from app.simulation import RunFile, read_run, run_json
+from app.simulation import ERROR_CLASSES, Incident, RunFile, read_run, run_json
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
+from app.trainer.panel.debrief import BEFORE, where
 from app.trainer.panel.export_box import add_export
 from app.trainer.panel.result_page import run_name
 
@@ -29,6 +31,7 @@ class ReplayTab:
             "Time (s)", min=0.0, max=1.0, step=STEP, initial_value=0.0, visible=False
         )
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._error = gui.add_html("", visible=False)
         self._leave = gui.add_button(
             "Leave the replay", icon=viser.Icon.ARROW_BACK_UP, color="gray", visible=False
         )
@@ -63,10 +66,10 @@ class ReplayTab:
             content = self._open.value.content
             self.replay(lambda: read_run(content))
 
-    def replay(self, read: Callable[[], RunFile]) -> None:
-        """Replay a run, or say why that is not possible."""
+    def replay(self, read: Callable[[], RunFile], at: float = 0.0) -> None:
+        """Replay a run from a time, s, on, or say why that is not possible."""
         start = self._state.start_replay
-        self._state.attempt("Making the run again.", lambda: start(read()))
+        self._state.attempt("Making the run again.", lambda: start(read(), at))
 
     def show(self) -> None:
         """Show the time of the replay."""
@@ -83,6 +86,10 @@ class ReplayTab:
             (self._csv, not there),
         ):
             set_if_changed(handle, visible=visible)
+        there_now = _near(playback.incidents, playback.time) if playback is not None else None
+        set_if_changed(self._error, visible=there_now is not None)
+        if there_now is not None:
+            set_if_changed(self._error, content=_error_html(there_now, hands=not state.in_plane))
         some = state.session.run.started or state.last_run is not None
         for button in (self._this, self._json, self._csv):
             set_if_changed(button, disabled=not some or state.in_exercise)
@@ -126,3 +133,15 @@ class ReplayTab:
         if playback is not None:
             playback.seek(number(seconds))
             playback.pause()
+
+
+def _near(incidents: Sequence[Incident], time: float) -> Incident | None:
+    """Return the error that is made now, or about to be, or was made a moment ago."""
+    near = [each for each in incidents if each.start_s - BEFORE <= time <= each.end_s + BEFORE]
+    return min(near, key=lambda each: abs(each.start_s - time), default=None)
+
+
+def _error_html(each: Incident, *, hands: bool) -> str:
+    title = html.escape(ERROR_CLASSES[each.error].title)
+    small = html.escape(where(each, hands=hands))
+    return note(f"<b>{title}</b> ({small})<br>{html.escape(each.sentence)}", "replayed-error")

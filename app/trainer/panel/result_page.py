@@ -12,17 +12,19 @@ from app.simulation import (
     Exercise,
     Metrics,
     RunFile,
+    Session,
     Stay,
     perform,
     run_json,
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import note, on_click
+from app.trainer.panel.debrief import add_debrief
 from app.trainer.panel.dialog import dialog
 from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
 
-__all__ = ["run_name", "run_title", "show_result"]
+__all__ = ["SHOW_ME", "run_name", "run_title", "show_result"]
 
 # Earlier tries shown beside a result.
 TRIES_BESIDE = 2
@@ -30,18 +32,19 @@ _BESIDE = (
     "<b>Try</b>: your earlier tries of this session at the same task. <b>Expert</b>: a scripted "
     "hand, careful and steady, at the same task; it is no surgeon."
 )
+SHOW_ME = "A scripted hand does it, careful and steady; it is no surgeon"
 _SLIDERS = "Sliders and keys were allowed in this exercise."
 
 
-def _expert(run: RunFile, state: PageState) -> Metrics | None:
-    """Return the measures of good scripted hands in the same exercise; None for a free run."""
+def _expert(run: RunFile, state: PageState) -> Session | None:
+    """Return good scripted hands' session of the same exercise; None for a free run."""
     exercise = run.log.exercise
     if exercise is None or exercise.name not in MANNERS:
         return None
     waiting = msgspec.structs.replace(run.log, inputs=[], ticks=0, exercise_inputs="hand")
     session = state.replay_of(msgspec.structs.replace(run, log=waiting), vertices=FEW).session
     perform(session, MANNERS[exercise.name]["good"])
-    return session.metrics()
+    return session
 
 
 def _seeks_break(exercise: Exercise | None) -> bool:
@@ -75,18 +78,24 @@ def run_name(run: RunFile) -> str:
 
 
 def show_result(
-    state: PageState, run: RunFile, again: Callable[[], object], watch: Callable[[], object]
+    state: PageState,
+    run: RunFile,
+    again: Callable[[], object],
+    watch: Callable[[RunFile, float], object],
 ) -> None:
-    """Open a run's result over the trainer: how it ended, measures, plots, and what to do next.
+    """Open a run's result over the trainer: how it ended, its errors, measures, and what is next.
 
-    Replaying the run for its plots takes a while. `again` starts the same exercise again, if the
-    run has one; `watch` replays the run.
+    Replaying the run takes a while. `again` starts the same exercise again, if the run has one;
+    `watch` replays a run from a time, s, on.
     """
     gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
-    series = state.replay_of(run, vertices=FEW).series()
+    replay = state.replay_of(run, vertices=FEW)
+    incidents, series = replay.incidents(), replay.series()
+    expert = _expert(run, state)
+    best = None if expert is None else (expert.metrics(), expert.run.incidents())
     measures = measures_html(
         run.metrics,
-        _beside(state.session.earlier_tries(run), _expert(run, state)),
+        _beside(state.session.earlier_tries(run), None if best is None else best[0]),
         {} if exercise is None else exercise.limit_of,
         sought_break=_seeks_break(exercise),
     )
@@ -100,20 +109,29 @@ def show_result(
 
             return press
 
+        def play(at: float) -> None:
+            close()
+            watch(run, at)
+
         gui.add_html(outcome_html(run.outcome, run_title(run), _SLIDERS if by_sliders else ""))
+        if exercise is not None:
+            retry = gui.add_button("Try again", icon=viser.Icon.REFRESH, color="teal")
+            on_click(retry, closing(again))
         tabs = gui.add_tab_group()
+        with tabs.add_tab("Errors"):
+            add_debrief(gui, exercise, series, run.metrics, incidents, best, play)
         with tabs.add_tab("Measures"):
             gui.add_html(measures)
             if exercise is not None:
                 gui.add_html(note(_BESIDE))
         with tabs.add_tab("Over time"):
             add_series_plots(gui, series, exercise)
-        if exercise is not None:
-            retry = gui.add_button("Try again", icon=viser.Icon.REFRESH, color="teal")
-            on_click(retry, closing(again))
-        replay = gui.add_button("Watch it again", icon=viser.Icon.PLAYER_PLAY, color="gray")
+        if expert is not None:
+            shown = gui.add_button("Show me", icon=viser.Icon.SCHOOL, color="gray", hint=SHOW_ME)
+            on_click(shown, closing(lambda: watch(expert.run_file(), 0.0)))
+        whole = gui.add_button("Watch it again", icon=viser.Icon.PLAYER_PLAY, color="gray")
         csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
         json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
-    on_click(replay, closing(watch))
+    on_click(whole, lambda: play(0.0))
     on_click(csv, lambda: state.send_file(f"{name}.csv", state.run_csv(run)))
     on_click(json, lambda: state.send_file(f"{name}.json", run_json(run)))
