@@ -14,6 +14,7 @@ from simulated import bed_exercises, bed_session, phantom
 from app.simulation import MANNERS, Feedback, Hand, Session, bed_named, perform
 from app.trainer.client.page_state import NUDGE
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
+from app.trainer.panel.page_panel import PagePanel
 from app.trainer.scene import drag_proxy
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import Viewpoint
@@ -73,6 +74,13 @@ def playback(view: PageView) -> ReplayPlayback | LivePlayback:
     found = view.state.playback
     assert found is not None
     return found
+
+
+def offered(view: PageView) -> bool:
+    """Whether the page offers its exercises."""
+    panel = view._panel
+    assert isinstance(panel, PagePanel)
+    return bool(panel._exercises._offered)
 
 
 def aside(view: PageView, station: float) -> np.ndarray:
@@ -413,7 +421,7 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         view = newest_dissection(dissections)
         session, page = view.session, tab.page
         tab.open("Learn")
-        tab.wait_until(lambda: view._panel._exercises._offered)
+        tab.wait_until(lambda: offered(view))
         exercise = next(iter(bed_exercises(session)))
         tab.choose("Exercise", exercise.title)
         tab.choose("Feedback", "Only in the result")
@@ -468,7 +476,7 @@ def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand
         session, page = view.session, tab.page
         exercise = next(e for e in bed_exercises(session) if e.name == "follow_front")
         tab.open("Learn")
-        tab.wait_until(lambda: view._panel._exercises._offered)
+        tab.wait_until(lambda: offered(view))
         tab.choose("Exercise", exercise.title)
         tab.press("Show me")
         tab.wait_until(lambda: view.state.playback is not None)
