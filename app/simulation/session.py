@@ -109,7 +109,7 @@ class Session:
         if specimen.organ is None:
             raise ValueError("a session needs an organ, whose surface it draws")
         self.seed, self._broken_by_touch = seed, broken_by_touch
-        self._lock = RLock()
+        self.lock = RLock()  # to be held while what belongs together is read piece by piece
         self._organ, self._vertices = specimen.organ, vertices
         self.drawn = DrawnDuct(specimen.organ, vertices, seed)
         self._tries: deque[RunFile] = deque(maxlen=MOST_TRIES)
@@ -140,7 +140,7 @@ class Session:
 
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Give a hand another instrument; what it held it lets go."""
-        with self._lock:
+        with self.lock:
             # An exercise that waits or goes on may allow only some.
             if instrument in self.instruments:
                 self._act(hand, "instrument", ALL_INSTRUMENTS.index(instrument))
@@ -149,7 +149,7 @@ class Session:
         """Take hold at a station, mm from a tube's first end; return the place, or None."""
         # None where a hand cannot hold: at a clamp, on the other hand's hook, once the duct is
         # torn, and with an instrument that does not hold.
-        with self._lock:
+        with self.lock:
             if self._act(hand, "grab", tube, station) is None:
                 return None
             return self.tissue.held_place(hand)
@@ -206,7 +206,7 @@ class Session:
 
     def set_grasp(self, grasp: float, hand: int = 0) -> None:
         """Hold a duct in a plane elsewhere, mm from the first clamp; keep force or deflection."""
-        with self._lock:
+        with self.lock:
             if self.run.over and self.tissue.torn is None:
                 self.planar.forget_task()
             self._act(hand, "grasp", grasp)
@@ -217,14 +217,14 @@ class Session:
 
     def reset(self) -> None:
         """Let go and make all whole; the next input starts a run without an exercise."""
-        with self._lock:
+        with self.lock:
             self.tissue.prepare(None)
             self._new_run()
             self._draw()
 
     def _act(self, hand: int, kind: InputKind, *values: float) -> Sequence[float] | None:
         """Apply an input and log it as it has acted; return that, or None if it did nothing."""
-        with self._lock:
+        with self.lock:
             if kind in BY_SLIDER and self.run.hand_only:
                 return None
             if self.run.closed and kind not in AFTER_RESULT:
@@ -239,7 +239,7 @@ class Session:
 
     def advance(self, ticks: int = 1) -> bool:
         """Advance by some ticks and draw; return whether anything has moved or is going to."""
-        with self._lock:
+        with self.lock:
             tissue, changed = self.tissue, False
             for _ in range(ticks):
                 moved = tissue.advance()
@@ -263,22 +263,22 @@ class Session:
 
     def reading(self) -> Reading:
         """Return what the instruments show now."""
-        with self._lock:
+        with self.lock:
             return self.tissue.reading()
 
     def stress(self, out: NDArray[np.float32], surface: int = 0) -> NDArray[np.float32]:
         """Write the stress along the organ, MPa, at each vertex of a drawn surface."""
-        with self._lock:
+        with self.lock:
             return self.tissue.write_stress(self.drawn, out, surface)
 
     def beam_touched_by(self, hand: int) -> tuple[BeamOnBed, Touch]:
         """Return a copy of the beam in space, and what a hand does to it."""
-        with self._lock:
+        with self.lock:
             return copy.deepcopy(self.spatial.beam), self.spatial.touch(hand)
 
     def touch(self, hand: int) -> Touch:
         """Return what a hand does to the beam in space now."""
-        with self._lock:
+        with self.lock:
             return self.spatial.touch(hand)
 
     # Comparisons beside a duct in a plane.
@@ -286,7 +286,7 @@ class Session:
     def curve(self, count: int = 80) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return (count,) deflections, mm, and forces, N, past the break and past this pull."""
         # Fewer than `count` where the theory ends.
-        with self._lock:
+        with self.lock:
             beam, deepest = self.planar.grasped, self.planar.deepest
         return beam.curve(count, deepest=deepest)
 
@@ -307,7 +307,7 @@ class Session:
 
     def ghost_reading(self) -> GhostReading | None:
         """Return the ghost's reading; None without a ghost or an equilibrium of it."""
-        with self._lock:
+        with self.lock:
             return None if (duct := self.tissue.in_plane) is None else duct.ghost_reading()
 
     def choose_ghost(self, theory: Theory | None) -> None:
@@ -317,14 +317,14 @@ class Session:
         """
         dissection = self.planar.dissection
         model = None if theory is None else BeamModel.of(dissection, theory)
-        with self._lock:
+        with self.lock:
             if model is not None and model.dissection is not self.planar.dissection:
                 model = BeamModel.of(self.planar.dissection, model.theory)
             self.planar.show_ghost(model, self.drawn.skin)
 
     def show_chain(self, shown: bool) -> None:
         """Show or hide the mass-spring chain."""
-        with self._lock:
+        with self.lock:
             self.planar.show_chain(shown)
 
     # What is in hand; each choice but a theory in the plane starts anew.
@@ -332,7 +332,7 @@ class Session:
     def choose(self, specimen: Specimen) -> None:
         """Start anew with another specimen of the same organ."""
         tissue = self._tissue_of(specimen)
-        with self._lock:
+        with self.lock:
             self._set(tissue)
 
     def presets_offered(self) -> list[Preset]:
@@ -345,7 +345,7 @@ class Session:
         """Start anew with a preset, or a shipped one's name; a torn free duct stays as it is."""
         chosen = preset_named(preset)
         tissue = self._tissue_of(replace(self.specimen, preset=chosen, threshold_MPa=None))
-        with self._lock:
+        with self.lock:
             if self.tissue.torn is None or self.specimen.theory is None:
                 self._set(tissue)
 
@@ -369,7 +369,7 @@ class Session:
         tissue = self._tissue_of(specimen)
 
         def start() -> None:
-            with self._lock:
+            with self.lock:
                 drawn.shape = self.drawn.shape
                 self._organ, self.drawn = organ, drawn
                 # The theory may have been changed meanwhile.
@@ -390,7 +390,7 @@ class Session:
         """
         # Outside the lock: a theory's first solution may have to be compiled.
         model = BeamModel.of(self.planar.dissection, theory)
-        with self._lock:
+        with self.lock:
             duct = self.planar
             if model.dissection is not duct.dissection:  # another was chosen meanwhile
                 model = BeamModel.of(duct.dissection, theory)
@@ -420,13 +420,13 @@ class Session:
 
         None without an exercise that waits or goes on, and for one that has no such goal.
         """
-        with self._lock:
+        with self.lock:
             exercise = None if self.run.over else self.run.exercise
             return None if exercise is None else self.tissue.goal_of(exercise)
 
     def task_beam(self) -> GraspedBeam:
         """Return the beam that exercises of a duct in a plane are scaled for."""
-        with self._lock:
+        with self.lock:
             return self.planar.task_beam()
 
     def start_exercise(
@@ -442,7 +442,7 @@ class Session:
         threshold is ignored until it is over. Then the hands stay where they are, and may only let
         go, until a reset or another exercise.
         """
-        with self._lock:
+        with self.lock:
             self._take_bed_of(exercise)
             self.reset()
             if grasp is not None:
@@ -476,7 +476,7 @@ class Session:
 
     def finish(self) -> None:
         """End the run as it stands; the duct stays as it is, and so do the hands of an exercise."""
-        with self._lock:
+        with self.lock:
             going = self.run.going
             self.run.finish()
             if going and self.run.closed:
@@ -484,17 +484,17 @@ class Session:
 
     def metrics(self) -> Metrics:
         """Return the measures of this run so far, by key; in space a `ValueError` before it."""
-        with self._lock:
+        with self.lock:
             return self.run.metrics()
 
     def run_file(self) -> RunFile:
         """Return this run so far, to keep, download and replay."""
-        with self._lock:
+        with self.lock:
             return self.run.file(OrganIdentity.of(self._organ), self.seed)
 
     def earlier_tries(self, run: RunFile) -> list[RunFile]:
         """Return the earlier judged runs of the same exercise and start, oldest first."""
-        with self._lock:
+        with self.lock:
             tries = list(self._tries)
         task = run.log.exercise, run.log.start
         return [

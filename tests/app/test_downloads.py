@@ -3,6 +3,7 @@
 import csv
 import io
 from dataclasses import replace
+from threading import Thread
 from zipfile import ZipFile
 
 import numpy as np
@@ -14,7 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 from app.export.pull_export import PullExport
-from app.simulation import Session, Specimen, preset_named
+from app.simulation import Reading, Session, Specimen, preset_named
 from app.trainer.client.workers import EXPORT_VERTICES as VERTICES
 from app.trainer.pages.downloads import SUFFIXES, download, export_on_screen, run_download
 from organ_geometry.organ import Organ
@@ -82,6 +83,23 @@ def test_a_hand_s_pull_is_the_force_that_the_beam_answers_with() -> None:
     beam = shown.tissue.dissection.beam
     again = order.theory.pull(beam, 20.0).to_force(order.force)
     assert again.deflection == pytest.approx(5.0, rel=1e-6)
+
+
+def test_a_clock_that_goes_on_moves_nothing_while_an_order_is_written(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shown = session()
+    reading, moves = shown.reading, list[bool]()
+
+    def read() -> Reading:
+        clock = Thread(target=lambda: moves.append(shown.lock.acquire(blocking=False)))
+        clock.start()
+        clock.join()
+        return reading()
+
+    monkeypatch.setattr(shown, "reading", read)
+    export_on_screen(shown, VERTICES)
+    assert moves == [False]
 
 
 def test_a_duct_that_springs_back_is_held_where_it_is() -> None:

@@ -59,14 +59,17 @@ class Download(NamedTuple):
 
 def export_on_screen(session: Session, vertices: int) -> PullExport:
     """Return a session's duct: its theory, grasp, force and threshold, or its tear."""
-    dissection, grasp, reading = session.tissue.dissection, session.planar.grasp, session.reading()
-    export = PullExport(
-        Specimen(
+    with session.lock:  # the clock may play a replay meanwhile
+        duct, reading = session.planar, session.reading()
+        dissection, grasp = duct.dissection, duct.grasp
+        specimen = Specimen(
             dissection.preset,
             dissection.organ,
-            theory=session.planar.theory,
-            threshold_MPa=session.tissue.threshold,
-        ),
+            theory=duct.theory,
+            threshold_MPa=duct.threshold,
+        )
+    export = PullExport(
+        specimen,
         grasp,
         torn=reading.phase is not Phase.INTACT,
         edge_length=page_edge_length(dissection.organ, vertices),
