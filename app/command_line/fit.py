@@ -31,6 +31,12 @@ if TYPE_CHECKING:
 __all__ = ["fit"]
 
 FIGURES = (".png", ".svg", ".pdf")
+IDENTIFIED = {
+    "identified": "",
+    "correlated": ", correlated with another",
+    "unidentified": ", hardly identified",
+}
+"""How far the data tell a parameter, in words that follow its region."""
 
 
 def fit(
@@ -169,13 +175,13 @@ def _kind(
     from app.simulation import OrganBeam, RoundBeam
     from app.study.ducts import part_of_organ
 
-    said = {name: curve.facts.get(name, value) for name, value in given.items()}
+    sizes = {name: curve.facts.get(name, value) for name, value in given.items()}
     kind = base.beam
-    wall = kind.wall_mm if said["wall_mm"] is None else said["wall_mm"]
+    wall = kind.wall_mm if sizes["wall_mm"] is None else sizes["wall_mm"]
     if isinstance(kind, OrganBeam):
         assert organ is not None  # noqa: S101 (the command has looked)
-        return part_of_organ(organ, kind, wall, said["span_mm"])
-    span, diameter = said["span_mm"], said["diameter_mm"]
+        return part_of_organ(organ, kind, wall, sizes["span_mm"])
+    span, diameter = sizes["span_mm"], sizes["diameter_mm"]
     return RoundBeam(
         span_mm=kind.span_mm if span is None else span,
         diameter_mm=kind.diameter_mm if diameter is None else diameter,
@@ -259,12 +265,12 @@ def _result(
     """Return what was found, below a head and its line."""
     result: dict[str, Any] = {
         **head,
-        "parameters": {each.name: _as_json(each) for each in fitted.sought},
+        "parameters": {each.key: _as_json(each) for each in fitted.sought},
         **(in_plan or {}),
         "noise_N": fitted.noise,
         "correlation": fitted.correlation,
         "condition": fitted.condition,
-        "cannot_tell": fitted.said,
+        "warnings": fitted.warnings,
         "curves": [
             {**curve, "residual_N": residual.tolist()}
             for curve, residual in zip(curves, fitted.residuals, strict=True)
@@ -277,10 +283,10 @@ def _result(
         *((each.name, _words(each)) for each in fitted.sought),
     ]
     if in_plan is not None:
-        said = ", ".join(f"bed.{name} {value:.4g}" for name, value in in_plan.items())
-        lines.append(("in a plan", said))
+        values = ", ".join(f"bed.{name} {value:.4g}" for name, value in in_plan.items())
+        lines.append(("in a plan", values))
     lines.append(("noise", f"{fitted.noise:.3g} N (standard deviation of the force)"))
-    lines += [("note" if i else "what to know", each) for i, each in enumerate(fitted.said)]
+    lines += [("note" if i else "what to know", each) for i, each in enumerate(fitted.warnings)]
     return result, lines, fitted.residuals
 
 
@@ -295,7 +301,7 @@ def _preset(
     from app.simulation import Preset
 
     strength = fitted.strength
-    note = "; ".join(fitted.said)
+    note = "; ".join(fitted.warnings)
     stress = base.break_stress_MPa if strength is None else strength.value
     return Preset(
         name=name,
@@ -320,10 +326,10 @@ def _preset(
 
 def _words(each: "Estimate") -> str:
     unit = f" {each.unit}" if each.unit else ""
-    if each.told == "given":
+    if each.identifiability == "fixed":
         return f"{each.value:.4g}{unit}, as given"
-    said = {"traded": ", trades against another", "open": ", hardly told"}.get(each.told, "")
-    return f"{each.value:.4g}{unit}, 95 % {each.low:.4g} to {each.high:.4g}{said}"
+    how = IDENTIFIED[each.identifiability]
+    return f"{each.value:.4g}{unit}, 95 % {each.low:.4g} to {each.high:.4g}{how}"
 
 
 def _as_json(each: "Estimate") -> dict[str, Any]:
@@ -331,5 +337,5 @@ def _as_json(each: "Estimate") -> dict[str, Any]:
         "value": each.value,
         "unit": each.unit,
         "region_95": [each.low, each.high],
-        "told": each.told,
+        "identifiability": each.identifiability,
     }

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from app.simulation import BedPreset
 from app.study.beds import lift
-from app.study.fit import BOUND, Estimate, MeasuredPull, in_streaks, student
+from app.study.fit import BOUND, Estimate, Identifiability, MeasuredPull, in_streaks, student
 from physics.bed import SpaceBeam
 
 __all__ = ["BedFit", "fit_bed"]
@@ -43,7 +43,7 @@ class BedFit:
     condition: float  # of the scaled Jacobian
     residuals: list[Row]  # of each curve, N: measured less fitted
     bed: BedPreset  # with what was found
-    said: list[str]  # what the data cannot tell
+    warnings: list[str]  # what the data cannot tell
 
     @property
     def sought(self) -> list[Estimate]:
@@ -89,25 +89,26 @@ def fit_bed(pulls: list[MeasuredPull], bed: BedPreset) -> BedFit:
     names = (("bed stiffness", "kPa/mm"), ("bed toughness", "J/m2"))
     values = np.exp(found.x).tolist()
     ends = [np.exp(found.x + sign * np.minimum(half, 30.0)).tolist() for sign in (-1.0, 1.0)]
-    said: list[str] = []
+    warnings: list[str] = []
     estimates: list[Estimate] = []
     for i, (name, unit) in enumerate(names):
-        told = "open" if ends[1][i] / ends[0][i] > WIDE else "told"
-        if told == "open":
+        found_as: Identifiability = "identified"
+        if ends[1][i] / ends[0][i] > WIDE:
+            found_as = "unidentified"
             why = (
                 " (no part of the curve shows strands part)"
                 if i == 1 and not any(parted for _, parted in lifted(values))
                 else ""
             )
-            said.append(
+            warnings.append(
                 f"the {name} can hardly be told from these curves: anything from "
                 f"{ends[0][i]:.3g} to {ends[1][i]:.3g} {unit} follows them as well{why}"
             )
         elif abs(cosine) > BOUND:
-            told = "traded"
-        estimates.append(Estimate(name, unit, values[i], ends[0][i], ends[1][i], told))
+            found_as = "correlated"
+        estimates.append(Estimate(name, unit, values[i], ends[0][i], ends[1][i], found_as))
     if abs(cosine) > BOUND:
-        said.append(
+        warnings.append(
             f"stiffness and toughness of the bed trade against each other (correlation "
             f"{-cosine:+.3f})"
         )
@@ -115,11 +116,11 @@ def fit_bed(pulls: list[MeasuredPull], bed: BedPreset) -> BedFit:
     residuals = list(np.split(-found.fun, ends_of))
     largest = float(np.abs(found.fun).max()) / float(np.abs(measured).max())
     if any(in_streaks(each) for each in residuals) and largest > 0.01:
-        said.append(
+        warnings.append(
             f"the residuals run in streaks, up to {100.0 * largest:.2g} % of the largest force: "
             "this bed does not follow these curves, and the regions are too narrow"
         )
-    said.append(
+    warnings.append(
         f"everything else of the bed is that of {bed.name!r} and of its scattered strands, the "
         "duct's modulus as given"
     )
@@ -131,7 +132,7 @@ def fit_bed(pulls: list[MeasuredPull], bed: BedPreset) -> BedFit:
         math.sqrt((1.0 + abs(cosine)) / max(1.0 - abs(cosine), 1e-16)),
         residuals,
         _bed(bed, *values),
-        said,
+        warnings,
     )
 
 

@@ -90,11 +90,11 @@ def read_curves(path: Path, *, broke: bool = False) -> list[Curve]:
     header = 0
     for header, line in enumerate(lines):
         if line.lstrip().startswith("#"):
-            said = _fact(line, f"{path}, line {header + 1}")
-            if said is not None and said[0] == "broke":
-                broke = said[1] > 0.0
-            elif said is not None:
-                facts[said[0]] = said[1]
+            fact = _fact(line, f"{path}, line {header + 1}")
+            if fact is not None and fact[0] == "broke":
+                broke = fact[1] > 0.0
+            elif fact is not None:
+                facts[fact[0]] = fact[1]
         elif line.strip():
             break
     else:

@@ -97,8 +97,8 @@ def solve_pulls(plan: Plan, block: Block) -> tuple[Outputs, list[str]]:
         some = block.part(which)
         for theory, at in _theories(words, some):
             few, rows = some.part(at), which[at]
-            sound, ducts, thresholds, said = _set_up(plan, words, theory, few)
-            for i, why in said.items():
+            sound, ducts, thresholds, unsound = _set_up(plan, words, theory, few)
+            for i, why in unsound.items():
                 faults[int(rows[i])] = why
             if not sound.size:
                 continue
@@ -157,12 +157,12 @@ def _set_up(
     organ = plan.organ(words["organ"]) if "organ" in words else None
     preset = plan.preset(words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET))
     if organ is None:
-        ducts, said = round_ducts(preset, block)
+        ducts, unsound = round_ducts(preset, block)
     else:
-        ducts, said = _organ_ducts(organ, preset, theory, block)
-    sound = np.array([i for i in range(block.count) if i not in said], dtype=np.int64)
+        ducts, unsound = _organ_ducts(organ, preset, theory, block)
+    sound = np.array([i for i in range(block.count) if i not in unsound], dtype=np.int64)
     if not sound.size:
-        return sound, ducts, np.empty(0), said
+        return sound, ducts, np.empty(0), unsound
     block = block.part(sound)
     thresholds = block.number("break_stress_MPa", preset.break_stress_MPa)
     if "break_force_N" in block.numbers:
@@ -173,7 +173,7 @@ def _set_up(
         thresholds = there.normal_stress + there.bending_stress
     elif "break_stress_MPa" not in block.numbers and preset.break_stress_MPa is None:
         thresholds = np.full(block.count, strength_of(preset, organ, theory))
-    return sound, ducts, thresholds, said
+    return sound, ducts, thresholds, unsound
 
 
 @lru_cache(maxsize=64)
@@ -191,9 +191,9 @@ def round_ducts(preset: Preset, block: Block) -> tuple[Ducts, dict[int, str]]:
     span = block.number("span_mm", preset.beam.span_mm)
     diameter = block.number("diameter_mm", preset.beam.diameter_mm)
     wall = block.number("wall_mm", preset.beam.wall_mm)
-    grasp, said = _grasps(block, span)
+    grasp, unsound = _grasps(block, span)
     for i in np.flatnonzero(wall >= 0.5 * diameter):
-        said[int(i)] = f"a wall of {wall[i]:.4g} mm leaves no bore in {diameter[i]:.4g} mm"
+        unsound[int(i)] = f"a wall of {wall[i]:.4g} mm leaves no bore in {diameter[i]:.4g} mm"
     bore = np.where(np.isnan(wall), 0.0, diameter - 2.0 * wall)
     rows = (
         span,
@@ -204,19 +204,19 @@ def round_ducts(preset: Preset, block: Block) -> tuple[Ducts, dict[int, str]]:
         block.number("poisson_ratio", preset.poisson_ratio),
         grasp,
     )
-    sound = np.array([i not in said for i in range(block.count)])
-    return Ducts(*(row[sound] for row in rows)), said
+    sound = np.array([i not in unsound for i in range(block.count)])
+    return Ducts(*(row[sound] for row in rows)), unsound
 
 
 def _grasps(block: Block, span: Row) -> tuple[Row, dict[int, str]]:
     grasp = block.number("grasp_share", 0.5) * span
     grasp = block.numbers.get("grasp_mm", grasp)
     wrong = ~((grasp > FIRST_PART * span) & (grasp < (1.0 - FIRST_PART) * span))
-    said = {
+    unsound = {
         int(i): f"a grasp at {grasp[i]:.4g} mm is not between clamps {span[i]:.4g} mm apart"
         for i in np.flatnonzero(wrong)
     }
-    return grasp, said
+    return grasp, unsound
 
 
 def _organ_ducts(
@@ -232,7 +232,7 @@ def _organ_ducts(
     alike, which = np.unique(given, axis=1, return_inverse=True)
     which = which.ravel()
     shapes: list[Beam] = []
-    said: dict[int, str] = {}
+    unsound: dict[int, str] = {}
     for k, (w, s) in enumerate(alike.T.tolist()):
         try:
             beam = _organ_beam(organ, preset, None if w < 0.0 else w, None if s < 0.0 else s)
@@ -240,18 +240,18 @@ def _organ_ducts(
             shapes.append(beam if theory.takes_all_sections else beam.weakest)
         except ValueError as error:
             shapes.append(Beam.round(span=1.0, diameter=1.0, modulus=1.0))  # of nothing solved
-            said |= dict.fromkeys(np.flatnonzero(which == k).tolist(), str(error))
+            unsound |= dict.fromkeys(np.flatnonzero(which == k).tolist(), str(error))
     grasp, wrong = _grasps(block, np.array([beam.span for beam in shapes])[which])
-    said = wrong | said
-    sound = np.array([i not in said for i in range(block.count)])
+    unsound = wrong | unsound
+    sound = np.array([i not in unsound for i in range(block.count)])
     modulus = block.number("modulus_MPa", preset.modulus_MPa)
     ratio = block.number("poisson_ratio", preset.poisson_ratio)
     which, rows = which[sound], [each[sound] for each in (modulus, ratio, grasp)]
     if theory.takes_all_sections:
-        return Beams(shapes, which, *rows), said
+        return Beams(shapes, which, *rows), unsound
     names = ("span", "area", "second_moment", "fibre_distance")
     sizes = [np.array([getattr(beam, name) for beam in shapes])[which] for name in names]
-    return Ducts(*sizes, *rows), said
+    return Ducts(*sizes, *rows), unsound
 
 
 @lru_cache(maxsize=4096)

@@ -16,6 +16,7 @@ that is the exact interval of linear regression.
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +31,14 @@ from physics import (
     critical_stations,
 )
 
-__all__ = ["BOUND", "Estimate", "Fit", "MeasuredPull", "fit_pulls", "in_streaks", "student"]
+__all__ = [
+    "BOUND", "Estimate", "Fit", "Identifiability", "MeasuredPull", "fit_pulls", "in_streaks",
+    "student",
+]  # fmt: skip
 
 Row = NDArray[np.float64]
+Identifiability = Literal["identified", "correlated", "unidentified", "fixed"]
+"""How far data tell a parameter: it may be correlated with another one, or was not sought."""
 
 FARTHEST = 5.0
 """Deflection, in spans, beyond which a unit is wrong rather than a duct that long."""
@@ -44,7 +50,7 @@ LIKELIER = 100.0
 TISSUE = 1e-3, 100.0
 """Moduli, MPa, beyond which a unit is probably wrong: of the presets 0.05 to 11.3."""
 BOUND = 0.95
-"""Correlation from which on two parameters are said to trade against each other."""
+"""Correlation from which on two parameters are warnings to trade against each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +71,12 @@ class Estimate:
     value: float
     low: float
     high: float
-    # how far the data tell it: 'told', 'traded' against another one, 'open' if hardly at all,
-    # 'given' if it was not sought
-    told: str = "told"
+    identifiability: Identifiability = "identified"
+
+    @property
+    def key(self) -> str:
+        """Its name in JSON."""
+        return self.name.replace("'s ", "_").replace(" ", "_").lower()
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +92,7 @@ class Fit:
     condition: float | None  # of the scaled Jacobian, where both are sought
     residuals: list[Row]  # of each curve, N: measured less fitted
     alone: list[float]  # modulus of each curve by itself, MPa
-    said: list[str]  # what the data cannot tell, in plain words
+    warnings: list[str]  # what the data cannot tell, in plain words
 
     @property
     def sought(self) -> list[Estimate]:
@@ -136,17 +145,17 @@ def fit_pulls(pulls: list[MeasuredPull], theory: Theory, *, free_ratio: bool = F
         raise ValueError(f"{count} points are too few for {sought} parameters")
     t = student(count - sought)
     given = pulls[0].beam.poisson_ratio
-    said: list[str] = []
+    warnings: list[str] = []
     correlation = condition = None
     if free_ratio:
-        ratio, modulus, correlation, condition = _both(problem, t, said)
+        ratio, modulus, correlation, condition = _both(problem, t, warnings)
     else:
         least, e, scale = problem.best(given)
         half = t * math.sqrt(least / (count - 1) / scale)
         modulus = Estimate("modulus", "MPa", e, e - half, e + half)
-        ratio = Estimate("Poisson's ratio", "", given, given, given, "given")
+        ratio = Estimate("Poisson's ratio", "", given, given, given, "fixed")
         if _uses_poisson(theory):
-            said.append(
+            warnings.append(
                 f"Poisson's ratio was taken as {given:g}; the modulus depends on it by "
                 f"{problem.slope_by_ratio(given):.2g} % for each 0.01"
             )
@@ -158,15 +167,15 @@ def fit_pulls(pulls: list[MeasuredPull], theory: Theory, *, free_ratio: bool = F
         float(part @ each.curve.forces / (part @ part))
         for part, each in zip(np.split(phi, ends), pulls, strict=True)
     ]
-    said += _of_residuals(residuals, measured, theory)
-    said += _of_noise(measured, modulus.value * phi, modulus.value, sought)
-    said += _of_curves(residuals, np.split(phi, ends), (modulus.value, alone), count - sought)
+    warnings += _of_residuals(residuals, measured, theory)
+    warnings += _of_noise(measured, modulus.value * phi, modulus.value, sought)
+    warnings += _of_curves(residuals, np.split(phi, ends), (modulus.value, alone), count - sought)
     if not TISSUE[0] <= modulus.value <= TISSUE[1]:
-        said.append(
+        warnings.append(
             f"a modulus of {modulus.value:.3g} MPa is none of soft tissue ({TISSUE[0]:g} to "
             f"{TISSUE[1]:g} MPa): are the units of force and length right?"
         )
-    strength = _strength(problem, modulus, ratio, said)
+    strength = _strength(problem, modulus, ratio, warnings)
     return Fit(
         theory.name,
         modulus,
@@ -177,7 +186,7 @@ def fit_pulls(pulls: list[MeasuredPull], theory: Theory, *, free_ratio: bool = F
         condition,
         list(residuals),
         alone,
-        said,
+        warnings,
     )
 
 
@@ -230,7 +239,9 @@ class _Problem:
         return check_rupture(pull.sample(critical_stations(beam, measured.grasp)), 1.0).total_stress
 
 
-def _both(problem: _Problem, t: float, said: list[str]) -> tuple[Estimate, Estimate, float, float]:
+def _both(
+    problem: _Problem, t: float, warnings: list[str]
+) -> tuple[Estimate, Estimate, float, float]:
     """Return Poisson's ratio, the modulus, their correlation and the Jacobian's condition."""
     from scipy.optimize import brentq, minimize_scalar
 
@@ -271,39 +282,41 @@ def _both(problem: _Problem, t: float, said: list[str]) -> tuple[Estimate, Estim
     cosine = float(jacobian[:, 0] @ jacobian[:, 1])
     condition = math.sqrt((1.0 + abs(cosine)) / max(1.0 - abs(cosine), 1e-16))
     at_edge = low <= float(RATIOS[0]) + 1e-6 or high >= float(RATIOS[-1]) - 1e-6
-    told = "open" if high - low > 0.3 else "told"
-    traded = "traded" if abs(cosine) > BOUND else "told"
-    if traded == "traded":
-        said.append(
+    of_ratio: Identifiability = "unidentified" if high - low > 0.3 else "identified"
+    of_modulus: Identifiability = "correlated" if abs(cosine) > BOUND else "identified"
+    if of_modulus == "correlated":
+        warnings.append(
             f"modulus and Poisson's ratio trade against each other (correlation {-cosine:+.3f}, "
             f"condition {condition:.3g}): a stiffer duct with another ratio gives almost the same "
             "curve, so their regions are wide together"
         )
-    if told == "open":
-        said.append(
+    if of_ratio == "unidentified":
+        warnings.append(
             f"Poisson's ratio can hardly be told from these curves: anything from {low:.2f} to "
             f"{high:.2f} follows them as well; measure it another way and give it"
         )
     elif at_edge:
-        said.append(
+        warnings.append(
             f"Poisson's ratio runs to the end of what it can be, {ratio:.3g}: the theory may not "
             "follow these curves"
         )
     return (
-        Estimate("Poisson's ratio", "", ratio, low, high, told),
-        Estimate("modulus", "MPa", e, min(a for a, _ in reach), max(b for _, b in reach), traded),
+        Estimate("Poisson's ratio", "", ratio, low, high, of_ratio),
+        Estimate(
+            "modulus", "MPa", e, min(a for a, _ in reach), max(b for _, b in reach), of_modulus
+        ),
         -cosine,
         condition,
     )
 
 
 def _strength(
-    problem: _Problem, modulus: Estimate, ratio: Estimate, said: list[str]
+    problem: _Problem, modulus: Estimate, ratio: Estimate, warnings: list[str]
 ) -> Estimate | None:
     """Return the strength by the curves that end with the break."""
     broken = [each for each in problem.pulls if each.curve.broke]
     if not broken:
-        said.append(
+        warnings.append(
             "no curve ends with a break: they say nothing of the strength but a lower bound"
         )
         return None
@@ -313,7 +326,7 @@ def _strength(
     # Of the modulus, whose error all breaks share.
     shared = 0.5 * (modulus.high - modulus.low) / modulus.value * mean
     if len(broken) == 1:
-        said.append(
+        warnings.append(
             "one break says nothing of how strengths scatter: the region of the strength is that "
             "of the modulus alone"
         )
@@ -326,17 +339,17 @@ def _strength(
 
 def _of_residuals(residuals: list[Row], measured: Row, theory: Theory) -> list[str]:
     """Say whether the theory follows the curves."""
-    said: list[str] = []
+    warnings: list[str] = []
     largest = max(float(np.abs(each).max()) for each in residuals)
     share = largest / float(np.abs(measured).max())
     if any(in_streaks(each) for each in residuals) and share > 1e-3:
         fitted = ", with a constant q," if isinstance(theory, Cubic) else ""
-        said.append(
+        warnings.append(
             f"the residuals run in streaks, up to {100.0 * share:.2g} % of the largest force: the "
             f"{theory.name} theory{fitted} does not follow these curves, and the regions, which "
             "know of noise only, are too narrow"
         )
-    return said
+    return warnings
 
 
 def _of_noise(measured: Row, fitted: Row, modulus: float, sought: int) -> list[str]:

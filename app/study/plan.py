@@ -116,13 +116,13 @@ class _Lines:
                 name = re.sub(r"[\"']", "", key[1])
                 self._lines.setdefault(f"{table}.{name}" if table else name, number)
 
-    def wrong(self, key: str, said: str) -> ValueError:
+    def wrong(self, key: str, why: str) -> ValueError:
         """Return the error of a key, with its line or that of the table it is in."""
         place = key
         while place and place not in self._lines:
             place = place.rpartition(".")[0]
         line = f", line {self._lines[place]}" if place else ""
-        return ValueError(f"{self.name}{line}: {key} {said}")
+        return ValueError(f"{self.name}{line}: {key} {why}")
 
 
 def read_plan(path: Path, *, files: bool = True) -> Plan:

@@ -259,22 +259,22 @@ def _quantiles(values: Row) -> dict[str, Any]:
 
 
 def _inputs(plan: Plan) -> dict[str, str]:
-    said: dict[str, str] = {}
+    words: dict[str, str] = {}
     for name, kind in plan.drawn.items():
         if isinstance(kind, Choices):
             total = math.fsum(kind.weights)
-            said[name] = ", ".join(
+            words[name] = ", ".join(
                 f"{_text(value)} ({weight / total:.3g})"
                 for value, weight in zip(kind.values, kind.weights, strict=True)
             )
         else:
             given = ", ".join(f"{key} {value:g}" for key, value in kind.parameters.items())
-            said[name] = f"{kind.shape}, {given}"
+            words[name] = f"{kind.shape}, {given}"
     for each in plan.correlations:
-        said[each.one] += f"; rank correlation {each.rank:g} with {_plain(each.other)}"
+        words[each.one] += f"; rank correlation {each.rank:g} with {_plain(each.other)}"
     for name, values in plan.grid.items():
-        said[name] = "each of " + ", ".join(_text(value) for value in values)
-    return said
+        words[name] = "each of " + ", ".join(_text(value) for value in values)
+    return words
 
 
 def _summary(
@@ -345,11 +345,11 @@ def _page(
         title = "What each input explains" + (f", {label}" if label else "")
         figures.append(_figure(_draw_indices(found, title), title))
     rows = "".join(
-        f"<tr><td>{html.escape(name)}</td><td>{html.escape(said)}</td>"
+        f"<tr><td>{html.escape(name)}</td><td>{html.escape(words)}</td>"
         f"<td>{html.escape(_unit(unit_of(name)))}</td></tr>"
-        for name, said in report["inputs"].items()
+        for name, words in report["inputs"].items()
     )
-    said = "".join(f"<li>{html.escape(line)}</li>" for line in report["summary"])
+    summary = "".join(f"<li>{html.escape(line)}</li>" for line in report["summary"])
     cells = "".join(_cell_table(cell) for cell in report["cells"][:MOST_CELLS])
     left = len(report["cells"]) - MOST_CELLS
     if left > 0:
@@ -360,7 +360,7 @@ def _page(
         title=html.escape(plan.title),
         ducts=f"{report['ducts']:,}",
         independent=f"{report['independent']:,}",
-        said=said,
+        summary=summary,
         figures="".join(figures),
         inputs=rows,
         cells=cells,

@@ -67,8 +67,8 @@ def packed(
             columns[name] = pa.array(row)
     for name, row in outputs.items():
         columns[name] = pa.array(row, from_pandas=True)
-    said = pa.array([each or None for each in faults], pa.string())
-    columns["fault"] = said.dictionary_encode()
+    named = pa.array([each or None for each in faults], pa.string())
+    columns["fault"] = named.dictionary_encode()
     fields = [
         pa.field(name, column.type, metadata={"unit": unit_of(name)})
         for name, column in columns.items()

@@ -73,8 +73,8 @@ def test_regions_of_two_parameters_hold_them_and_say_that_they_trade(
     assert held.min() >= least
     noisy = exact + noise.normal(0.0, 0.05 * exact.max(), exact.size)
     found = fit_pulls([measured_pull(noisy)], theory, free_ratio=True)
-    assert found.poisson_ratio.told == "open"
-    assert any("Poisson's ratio can hardly be told" in line for line in found.said)
+    assert found.poisson_ratio.identifiability == "unidentified"
+    assert any("Poisson's ratio can hardly be told" in line for line in found.warnings)
     assert found.correlation is not None
     assert found.condition is not None
     assert found.condition > 1.0
@@ -91,7 +91,7 @@ def test_noise_in_proportion_to_force_is_named_and_weighed() -> None:
         for forces in (by_force, even):
             curve = Curve("made", places, forces, {}, False)
             found = fit_pulls([MeasuredPull(curve, DUCT, 20.0)], theory)
-            said = [line for line in found.said if "noise grows with the force" in line]
+            said = [line for line in found.warnings if "noise grows with the force" in line]
             if forces is even:
                 wrongly += len(said)
             elif said:
@@ -116,20 +116,20 @@ def test_strength_is_the_stress_at_the_break() -> None:
 
 def test_a_modulus_that_no_tissue_has_is_asked_about() -> None:
     found = fit_pulls([measured_pull(1e3 * forces_of(Cubic()))], Cubic())
-    assert any("none of soft tissue" in line for line in found.said)
+    assert any("none of soft tissue" in line for line in found.warnings)
 
 
 def test_a_theory_that_does_not_follow_and_ducts_that_differ_are_told() -> None:
     noise = np.random.default_rng(4)
     exact = forces_of(Exact(NeoHooke()))
     found = fit_pulls([measured_pull(exact)], Cubic())
-    assert any("does not follow these curves" in line for line in found.said)
+    assert any("does not follow these curves" in line for line in found.warnings)
     several = [
         measured_pull(factor * exact + noise.normal(0.0, 0.002, exact.size))
         for factor in (1.0, 1.3)
     ]
     found = fit_pulls(several, Exact(NeoHooke()))
-    assert any("curves differ by more than their noise" in line for line in found.said)
+    assert any("curves differ by more than their noise" in line for line in found.warnings)
     assert found.alone == pytest.approx([0.4, 0.52], rel=0.02)
 
 
