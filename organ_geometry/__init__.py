@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from organ_geometry.images.image_stack import ImageStack as ImageStack
     from organ_geometry.images.label_volume import LabelVolume as LabelVolume
     from organ_geometry.images.label_volume import read_labels as read_labels
+    from organ_geometry.images.label_volume import write_labels as write_labels
     from organ_geometry.images.medical_file import DICOM_SUFFIXES as DICOM_SUFFIXES
     from organ_geometry.images.medical_file import VOLUME_SUFFIXES as VOLUME_SUFFIXES
     from organ_geometry.images.medical_file import is_dicom_file as is_dicom_file

@@ -16,7 +16,7 @@ from assets import BILE_DUCT
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 
-TUTORIALS = ("dissect", "class", "check", "organ", "study", "policy", "extend")
+TUTORIALS = ("dissect", "class", "check", "organ", "patient", "study", "policy", "extend")
 PAGES = ("index", "gallery", *(f"tutorials/{name}" for name in TUTORIALS))
 TEXTS = [(ROOT / "docs" / f"{page}.md").read_text() for page in PAGES]
 EXAMPLES = sorted(re.findall(r'^--8<-- "examples/(.*?)"$', "\n".join(TEXTS), flags=re.MULTILINE))

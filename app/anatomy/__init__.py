@@ -8,6 +8,7 @@ from app.anatomy.anatomy_file import (
     shipped_anatomies,
 )
 from app.anatomy.anatomy_geometry import TubeLine, tube_line, tube_lines
+from app.anatomy.anatomy_labels import anatomy_labels, labels_suffix
 from app.anatomy.anatomy_network import AnatomyNetwork, anatomy_network
 from app.anatomy.hepatocystic_triangle import drawn_anatomy
 from app.anatomy.patient_case import PatientCase, named_labels, patient_case, write_case
@@ -19,11 +20,13 @@ __all__ = [
     "PatientCase",
     "TubeLine",
     "TubeTable",
+    "anatomy_labels",
     "anatomy_named",
     "anatomy_network",
     "anatomy_toml",
     "checked",
     "drawn_anatomy",
+    "labels_suffix",
     "named_labels",
     "patient_case",
     "read_anatomy",

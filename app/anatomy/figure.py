@@ -5,12 +5,15 @@
 from io import BytesIO
 from pathlib import Path
 
+import numpy as np
+
 from app.anatomy.anatomy_geometry import TubeLine
 from app.anatomy.tables import Anatomy
 
 __all__ = ["anatomy_figure"]
 
 _COLOURS = {"duct": "#3c7a3c", "organ": "#8a8a2e", "artery": "#c03030", "vein": "#3050a0"}
+_MARGIN_MM = 2.0
 _VIEWS = ((0, 1, "x, mm", "y, mm"), (0, 2, "x, mm", "z, mm"))
 
 
@@ -26,7 +29,12 @@ def anatomy_figure(anatomy: Anatomy, lines: dict[str, TubeLine], kind: str) -> b
             "pip install 'bluntdissect[report]'"
         ) from error
     figure = Figure(figsize=(8.0, 7.0), dpi=120, layout="constrained")
-    axes = figure.subplots(2, 1, sharex=True)
+    # Both views have one scale.
+    low = np.min([(line.places.T - line.radius).min(axis=1) for line in lines.values()], axis=0)
+    high = np.max([(line.places.T + line.radius).max(axis=1) for line in lines.values()], axis=0)
+    low, high = low - _MARGIN_MM, high + _MARGIN_MM
+    heights = [high[up] - low[up] for _, up, _, _ in _VIEWS]
+    axes = figure.subplots(2, 1, sharex=True, height_ratios=heights)
     joined = [lines[join.tube].places[-join.end] for join in anatomy.join]
     for (x, y, across, up), picture in zip(_VIEWS, axes, strict=True):
         for tube in anatomy.tube:
@@ -42,6 +50,8 @@ def anatomy_figure(anatomy: Anatomy, lines: dict[str, TubeLine], kind: str) -> b
         picture.set_xlabel(across)
         picture.set_ylabel(up)
         picture.set_aspect("equal")
+        picture.set_xlim(low[x], high[x])
+        picture.set_ylim(low[y], high[y])
     axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
     axes[0].set_title(anatomy.title or anatomy.name)
     content = BytesIO()

@@ -26,6 +26,7 @@ from app.anatomy.anatomy_geometry import (
 from app.anatomy.frequencies import frequencies
 from app.anatomy.hepatocystic_triangle import ARTERY_AT_MM, wavy_course
 from app.anatomy.tables import (
+    HEAD_RIGHT_FRONT,
     Anatomy,
     JoinTable,
     LayerTable,
@@ -62,8 +63,6 @@ _HEPATIC_ARTERY = "right_hepatic_artery"
 # its least length, of the distance.
 _ORIGINS_MM, _SLACKS = (0.0, 5.0, -5.0, 10.0, -10.0), (1.0, 1.1, 1.25)
 _KINDS = ("duct", "artery", "vein", "organ", "shown")
-# Rows of x to the head, y to the right, z to the front, in LPS.
-_ROWS: tuple[Point, Point, Point] = ((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))
 _POINT_RADII, _POINT_MM = 2.0, 3.0  # between points of an axis in the file
 _MOST_POINTS, _FEWEST_POINTS = 40, 4
 # Between tubes so near over so long a stretch, tissue is assumed, of so many strands a mm.
@@ -122,7 +121,9 @@ def named_labels(volume: LabelVolume, names: Path | None) -> dict[int, NamedLabe
     if names is None:
         # Segments may be empty, as those of a template that nobody has drawn.
         found = {
-            label: NamedLabel(name) for label, name in volume.names.items() if label in present
+            label: NamedLabel(name, _kind_by_term(name, volume.terms.get(label, "")))
+            for label, name in volume.names.items()
+            if label in present
         }
         where = str(volume.source)
         if not found:
@@ -343,10 +344,15 @@ def _stem(name: str) -> str:
     return "_".join(name.split()).lower()
 
 
+def _kind_by_term(name: str, term: str) -> Role | None:
+    """Return what a name means, or else a term of a terminology, as SCT^51114001^Artery."""
+    return kind_of_name(name) or kind_of_name(term.rpartition("^")[2])
+
+
 def _anatomy(
     volume: LabelVolume, found: LabelTubes, kinds: dict[str, TubeKind], name: str
 ) -> Anatomy:
-    rows = np.array(_ROWS)
+    rows = np.array(HEAD_RIGHT_FRONT)
     origin = found.tubes[0].built.organ.axis[0].round(3)
     tables: list[TubeTable] = []
     joins: list[JoinTable] = []
@@ -406,7 +412,9 @@ def _anatomy(
         name=name,
         tube=tables,
         join=joins,
-        place=Place(origin_LPS_mm=cast("Point", tuple((origin + 0.0).tolist())), rows_LPS=_ROWS),
+        place=Place(
+            origin_LPS_mm=cast("Point", tuple((origin + 0.0).tolist())), rows_LPS=HEAD_RIGHT_FRONT
+        ),
     )
     anatomy = msgspec.structs.replace(anatomy, touch=_touches(anatomy, lines, found))
     anatomy = msgspec.structs.replace(anatomy, layer=_layers(anatomy, lines))

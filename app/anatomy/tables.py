@@ -11,6 +11,7 @@ import msgspec
 from physics.bed import End
 
 __all__ = [
+    "HEAD_RIGHT_FRONT",
     "Anatomy",
     "Confidence",
     "Fluid",
@@ -40,6 +41,14 @@ class Place(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     origin_LPS_mm: Point  # noqa: N815 (units are written as they are)
     rows_LPS: tuple[Point, Point, Point]  # noqa: N815
+
+
+HEAD_RIGHT_FRONT: tuple[Point, Point, Point] = (
+    (0.0, 0.0, 1.0),
+    (-1.0, 0.0, 0.0),
+    (0.0, -1.0, 0.0),
+)
+"""Rows of x to the head, y to the patient's right, z to the front, in LPS."""
 
 
 class TubeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -22,6 +22,7 @@ class TubeWall(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A kind's wall; assets/tube_kinds.toml says what each number is."""
 
     names: list[str]
+    term: str
     wall_share: float
     most_wall_mm: float
     modulus_MPa: float  # noqa: N815 (units are written as they are)

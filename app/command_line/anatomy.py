@@ -60,6 +60,14 @@ def anatomy(
     merged: Annotated[
         bool, typer.Option("--merged", help="Merge the tubes of --mesh into one closed surface.")
     ] = False,
+    voxels: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the tubes as labels of voxels with their names, .seg.nrrd, as a "
+            "segmentation of 3D Slicer."
+        ),
+    ] = None,
+    voxel_mm: Annotated[float, typer.Option(help="Size of the voxels, mm.")] = 0.5,
     as_json: AsJson = False,
 ) -> None:
     """Say what is in an anatomy of several tubes, draw one by frequencies, find one in labels.
@@ -82,6 +90,12 @@ def anatomy(
         mesh_suffix(mesh, merged=merged)
         if shipped or labels is not None:
             raise ValueError("--mesh is of one anatomy: give its name or file, or --seed")
+    if voxels is not None:
+        from app.anatomy import labels_suffix
+
+        labels_suffix(voxels)
+        if shipped or labels is not None:
+            raise ValueError("--voxels is of one anatomy: give its name or file, or --seed")
     if labels is not None:
         _from_labels(labels, names, output, figure, draw_artery=draw_artery, as_json=as_json)
         return
@@ -99,7 +113,7 @@ def anatomy(
             as_json=as_json,
         )
         return
-    for target in (output, figure, mesh):
+    for target in (output, figure, mesh, voxels):
         if target is not None:
             check_target(target)
     if seed is not None:
@@ -118,6 +132,11 @@ def anatomy(
         beside = Path(source or "").parent
         suffix = mesh_suffix(mesh, merged=merged)
         write_atomic(mesh, anatomy_mesh(made, lines, beside, suffix, merged=merged))
+    if voxels is not None:
+        from app.anatomy import anatomy_labels
+        from organ_geometry import write_labels
+
+        write_labels(anatomy_labels(made, lines, voxel_mm), voxels)
     if output is not None:
         write_atomic(output, anatomy_toml(made).encode())
     _report(made, lines, {}, [], as_json=as_json)

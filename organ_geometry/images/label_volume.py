@@ -7,11 +7,13 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.atomic_file import write_atomic
 from organ_geometry.images.grey_image import ImageStackError, list_text
 from organ_geometry.images.image_planes import check_pixel_size, check_spacing
 from organ_geometry.images.medical_file import (
@@ -20,16 +22,23 @@ from organ_geometry.images.medical_file import (
     is_volume_file,
     read_header,
     read_values,
+    write_values,
 )
 
-__all__ = ["LabelVolume", "read_labels"]
+__all__ = ["LabelVolume", "read_labels", "write_labels"]
 
 # More labels than these are grey levels.
 _MOST_LABELS = 4096
 # How far axes may be from perpendicular: what files round.
 _SKEW = 1e-3
 # What 3D Slicer writes of each segment into a NRRD file's header.
-_SEGMENT = re.compile(r"Segment(\d+)_(Name|LabelValue|Layer)$")
+_SEGMENT = re.compile(r"Segment(\d+)_(Name|LabelValue|Layer|Tags)$")
+# Of a segment's tags: the list it is chosen from, its category, and its type.
+_TERM = re.compile(r"TerminologyEntry:[^~|]*~[^~|]*~([^~|]*)")
+_ENTRY = (
+    "TerminologyEntry:Segmentation category and type - 3D Slicer General Anatomy list"
+    "~SCT^123037004^Anatomical Structure~{term}~^^~^^~^^|"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +57,9 @@ class LabelVolume:
         (3, 3) unit directions of I, J and K as columns.
     names
         Names by label, where the file has them.
+    terms
+        What labels are by a terminology, where the file says it: scheme, code and meaning, as
+        ``SCT^51114001^Artery``.
     """
 
     source: Path
@@ -56,6 +68,7 @@ class LabelVolume:
     origin: NDArray[np.float64]
     axes: NDArray[np.float64]
     names: dict[int, str] = field(default_factory=dict[int, str])
+    terms: dict[int, str] = field(default_factory=dict[int, str])
 
     @property
     def labels(self) -> tuple[int, ...]:
@@ -123,18 +136,49 @@ def read_labels(path: Path) -> LabelVolume:
     return _masks(path) if path.is_dir() else _one_file(path)
 
 
+def write_labels(volume: LabelVolume, path: Path) -> None:
+    """Write labels with their names as 3D Slicer does: NRRD, each label a segment."""
+    i, j, k = volume.values.shape[::-1]
+    tags: dict[str, str] = {}
+    for number, label in enumerate(volume.label_sizes()):
+        segment = {
+            "ID": f"Segment_{label}",
+            "Name": volume.names.get(label, f"label {label}"),
+            "LabelValue": str(label),
+            "Layer": "0",
+            "Extent": f"0 {i - 1} 0 {j - 1} 0 {k - 1}",
+        }
+        if label in volume.terms:
+            segment["Tags"] = _ENTRY.format(term=volume.terms[label])
+        tags |= {f"Segment{number}_{key}": value for key, value in segment.items()}
+    header = MedicalHeader(
+        size=(i, j, k),
+        spacing=tuple(volume.sizes.tolist()),
+        origin=tuple(volume.origin.tolist()),
+        direction=tuple(volume.axes.ravel().tolist()),
+        components=1,
+        value_bytes=2,
+        tags=tags,
+    )
+    with TemporaryDirectory() as folder:
+        made = Path(folder) / "labels.nrrd"
+        write_values(made, volume.values.astype(np.uint16), header)
+        write_atomic(path, made.read_bytes())
+
+
 def _one_file(path: Path) -> LabelVolume:
     values, header = _voxels(path)
     segments = _segments(path, header.tags)
     if values.ndim == 3:
-        names = {value: name for name, value, _ in segments}
-        return _turned(path, values, header, names)
+        return _turned(path, values, header, {each.label: each for each in segments})
     # Layers of 3D Slicer: segments that overlap.
-    masks: list[tuple[str, NDArray[np.bool_]]] = []
-    for name, value, layer in segments:
-        if not 0 <= layer < values.shape[3]:
-            raise ImageStackError(f"segment {name!r} of {path} is in layer {layer}, which it lacks")
-        masks.append((name, values[..., layer] == value))
+    masks: list[tuple[_Segment, NDArray[np.bool_]]] = []
+    for each in segments:
+        if not 0 <= each.layer < values.shape[3]:
+            raise ImageStackError(
+                f"segment {each.name!r} of {path} is in layer {each.layer}, which it lacks"
+            )
+        masks.append((each, values[..., each.layer] == each.label))
     if not masks:
         raise ImageStackError(
             f"{path} has {values.shape[3]} values in each voxel and names no segments; labels have "
@@ -147,7 +191,7 @@ def _masks(folder: Path) -> LabelVolume:
     files = sorted(file for file in folder.iterdir() if is_volume_file(file))
     if not files:
         raise ImageStackError(f"{folder} holds no NIfTI, NRRD or MetaImage masks")
-    masks: list[tuple[str, NDArray[np.bool_]]] = []
+    masks: list[tuple[_Segment, NDArray[np.bool_]]] = []
     first: MedicalHeader | None = None
     for file in files:
         values, header = _voxels(file)
@@ -161,7 +205,7 @@ def _masks(folder: Path) -> LabelVolume:
             raise ImageStackError(
                 f"{file} and {files[0].name} have different grids: masks of one anatomy have one"
             )
-        masks.append((file.name.split(".")[0], values != 0))
+        masks.append((_Segment(file.name.split(".")[0]), values != 0))
     assert first is not None  # noqa: S101
     return _of_masks(folder, masks, first)
 
@@ -194,46 +238,61 @@ def _voxels(path: Path) -> tuple[NDArray[np.int32], MedicalHeader]:
     return whole.astype(np.int32), header
 
 
-def _segments(path: Path, tags: dict[str, str]) -> list[tuple[str, int, int]]:
-    """Return name, label and layer of each segment that a header names."""
+@dataclass(frozen=True, slots=True)
+class _Segment:
+    """What a header says of a segment."""
+
+    name: str
+    label: int = 1
+    layer: int = 0
+    term: str = ""
+
+
+def _segments(path: Path, tags: dict[str, str]) -> list[_Segment]:
+    """Return the segments that a header names."""
     found: dict[int, dict[str, str]] = {}
     for key, value in tags.items():
         if (match := _SEGMENT.match(key)) is not None:
             found.setdefault(int(match[1]), {})[match[2]] = value
-    segments: list[tuple[str, int, int]] = []
+    segments: list[_Segment] = []
     for _, segment in sorted(found.items()):
         if "Name" not in segment:
             continue
-        name = segment["Name"]
         for key in ("LabelValue", "Layer"):
             if not segment.get(key, "0").isdecimal():
                 raise ImageStackError(
-                    f"segment {name!r} of {path} has {key} {segment[key]!r}: it must be a whole "
-                    f"number"
+                    f"segment {segment['Name']!r} of {path} has {key} {segment[key]!r}: it must be "
+                    f"a whole number"
                 )
-        label, layer = int(segment.get("LabelValue", "1")), int(segment.get("Layer", "0"))
-        for other, *same in segments:
-            if same == [label, layer]:
+        term = _TERM.search(segment.get("Tags", ""))
+        made = _Segment(
+            segment["Name"],
+            int(segment.get("LabelValue", "1")),
+            int(segment.get("Layer", "0")),
+            "" if term is None else term[1],
+        )
+        for other in segments:
+            if (other.label, other.layer) == (made.label, made.layer):
                 raise ImageStackError(
-                    f"segments {other!r} and {name!r} of {path} are the same label {label}: each "
-                    f"segment of a layer has its own"
+                    f"segments {other.name!r} and {made.name!r} of {path} are the same label "
+                    f"{made.label}: each segment of a layer has its own"
                 )
-        segments.append((name, label, layer))
+        segments.append(made)
     return segments
 
 
 def _of_masks(
-    source: Path, masks: list[tuple[str, NDArray[np.bool_]]], header: MedicalHeader
+    source: Path, masks: list[tuple[_Segment, NDArray[np.bool_]]], header: MedicalHeader
 ) -> LabelVolume:
     values = np.zeros(masks[0][1].shape, dtype=np.int32)
     largest_first = sorted(range(len(masks)), key=lambda k: -int(np.count_nonzero(masks[k][1])))
     for number in largest_first:
         values[masks[number][1]] = number + 1
-    return _turned(source, values, header, {k + 1: name for k, (name, _) in enumerate(masks)})
+    return _turned(source, values, header, {k + 1: each for k, (each, _) in enumerate(masks)})
 
 
 def _turned(
-    source: Path, values: NDArray[np.int32], header: MedicalHeader, names: dict[int, str]
+    source: Path, values: NDArray[np.int32], header: MedicalHeader, segments: dict[int, _Segment]
 ) -> LabelVolume:
     """Return a volume whose axes I, J, K run nearest to the left, to the back and to the head."""
     axes = np.array(header.direction, dtype=np.float64).reshape(3, 3)
@@ -261,4 +320,12 @@ def _turned(
             f"the axes of {source} are mirrored ({list_text(np.round(axes, 2).ravel())}): left is "
             f"not told from right"
         )
-    return LabelVolume(source, np.ascontiguousarray(values), sizes, origin, axes, names)
+    return LabelVolume(
+        source,
+        np.ascontiguousarray(values),
+        sizes,
+        origin,
+        axes,
+        names={label: each.name for label, each in segments.items()},
+        terms={label: each.term for label, each in segments.items() if each.term},
+    )

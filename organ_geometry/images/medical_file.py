@@ -100,6 +100,18 @@ def read_values(path: Path) -> NDArray[Any]:
     return whole_meta_values(path, values) if path.suffix.lower() in META_SUFFIXES else values
 
 
+def write_values(path: Path, values: NDArray[Any], header: MedicalHeader) -> None:
+    """Write (K, J, I) values as a compressed volume file of the kind that its name says."""
+    itk = _simple_itk()
+    image = itk.GetImageFromArray(values)
+    image.SetSpacing(header.spacing)
+    image.SetOrigin(header.origin)
+    image.SetDirection(header.direction)
+    for key, value in header.tags.items():
+        image.SetMetaData(key, value)
+    itk.WriteImage(image, str(path), useCompression=True)
+
+
 def check_whole_nifti(path: Path, header: MedicalHeader) -> None:
     """Raise an error if a NIfTI file ends before its voxels do: its reader would make up zeros."""
     name = path.name.lower()

@@ -13,9 +13,19 @@ from numpy.typing import NDArray
 from program import refused, run
 from scipy.spatial import KDTree
 
-from app.anatomy import Anatomy, drawn_anatomy, patient_case, read_anatomy, tube_lines
+from app.anatomy import (
+    anatomy_labels,
+    anatomy_network,
+    drawn_anatomy,
+    named_labels,
+    patient_case,
+    read_anatomy,
+    shipped_anatomies,
+    tube_lines,
+)
 from app.anatomy.patient_case import NamedLabel
-from organ_geometry import LabelVolume, read_organ
+from app.anatomy.tables import HEAD_RIGHT_FRONT
+from organ_geometry import LabelVolume, read_labels, read_organ
 
 pytest.importorskip("SimpleITK")
 import SimpleITK as sitk  # noqa: N813
@@ -85,6 +95,11 @@ def test_a_case_is_written_and_read_again(volume: LabelVolume, names: Path, tmp_
     assert isinstance(join.at_mm, float)
     assert join.at_mm == pytest.approx(24.0, abs=1.0)
     assert anatomy.tube_named("cystic_duct").ends == ("joined", "clamped")
+    # It rests in balance.
+    bed = anatomy_network(anatomy).on_bed()
+    for _ in range(5):
+        bed.tick(1e-3)
+    assert np.abs(bed.places - bed.rest_places).max() < 1e-12
     assert said["organ_bytes"] == sum(f.stat().st_size for f in folder.glob("*.organ"))
     # The file's frame: x to the head, y to the right, z to the front, from the first tube's begin.
     assert anatomy.place is not None
@@ -403,45 +418,18 @@ def test_wrong_words_are_refused(arguments: list[object], says: str) -> None:
     assert says in refused(["anatomy", *arguments])
 
 
-def as_labels(seed: int, sizes: tuple[float, float, float]) -> tuple[LabelVolume, Anatomy]:
-    """A drawn case as labels in LPS; where tubes run into each other the thicker has the voxel."""
-    anatomy = drawn_anatomy(seed)
-    lines = tube_lines(anatomy)
-    size, rows = np.array(sizes), np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-    places = {name: line.places @ rows for name, line in lines.items()}
-    most = max(float(line.radius.max()) for line in lines.values()) + 3.0
-    low = np.min([each.min(axis=0) for each in places.values()], axis=0) - most
-    high = np.max([each.max(axis=0) for each in places.values()], axis=0) + most
-    counts = np.ceil((high - low) / size).astype(int) + 1
-    voxels = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
-    centres = (low + voxels * size).reshape(-1, 3)
-    values = np.zeros(len(centres), dtype=np.int32)
-    names = list(lines)
-    for name in sorted(names, key=lambda each: float(lines[each].radius.max())):
-        axis, line = places[name], lines[name]
-        away, nearest = KDTree(axis).query(centres, distance_upper_bound=most)
-        there = np.flatnonzero(np.isfinite(away))
-        near = np.asarray(nearest)[there]
-        ways = np.gradient(axis, axis=0)
-        along = ((centres[there] - axis[near]) * ways[near]).sum(axis=1)
-        beyond = ((near == 0) & (along < 0.0)) | ((near == len(axis) - 1) & (along > 0.0))
-        inside = (np.asarray(away)[there] < line.radius[near]) & ~beyond
-        values[there[inside]] = names.index(name) + 1
-    grid = np.ascontiguousarray(values.reshape(counts).transpose(2, 1, 0))
-    return LabelVolume(Path("drawn"), grid, size, low, np.eye(3)), anatomy
-
-
 @pytest.mark.parametrize("seed", [3, 8])
 def test_a_drawn_case_is_found_again_in_its_labels(seed: int) -> None:
     """All joins and no other, each tube's axis and radius; arteries are 3 to 4 voxels thick."""
-    volume, anatomy = as_labels(seed, (0.5, 0.5, 0.5))
+    anatomy = drawn_anatomy(seed)
+    volume = anatomy_labels(anatomy, tube_lines(anatomy), 0.5)
     kinds = {number + 1: tube for number, tube in enumerate(anatomy.tube)}
     names = {label: NamedLabel(tube.name, tube.kind) for label, tube in kinds.items()}
     found = patient_case(volume, names).tubes
     assert {frozenset((join.tube, join.to)) for join in found.joins} == {
         frozenset((join.tube, join.to)) for join in anatomy.join
     }
-    lines, rows = tube_lines(anatomy), np.array([[0, 0, 1.0], [-1.0, 0, 0], [0, -1.0, 0]])
+    lines, rows = tube_lines(anatomy), np.array(HEAD_RIGHT_FRONT)
     for tube in found.tubes:
         line = lines[tube.name]
         organ = tube.built.organ
@@ -451,6 +439,51 @@ def test_a_drawn_case_is_found_again_in_its_labels(seed: int) -> None:
         assert np.sqrt((away**2).mean()) < 0.35, tube.name
         radii = np.sqrt(organ.section_properties(at).area / np.pi)
         assert (radii / line.radius[nearest]).mean() == pytest.approx(1.0, abs=0.1), tube.name
+
+
+def test_labels_of_an_anatomy_have_its_names_kinds_and_volumes(tmp_path: Path) -> None:
+    path = tmp_path / "normal.seg.nrrd"
+    done = run("anatomy", "normal", "--voxels", path, "--voxel-mm", 0.6)
+    assert done.returncode == 0, done.stderr
+    anatomy = read_anatomy(shipped_anatomies()["normal"])
+    lines = tube_lines(anatomy)
+    volume = read_labels(path)
+    assert [volume.names[label] for label in volume.labels] == list(lines)
+    named = named_labels(volume, None)
+    assert [named[label].role for label in volume.labels] == [tube.kind for tube in anatomy.tube]
+    size = 0.6**3
+    for label, count in volume.label_sizes().items():
+        line = lines[volume.names[label]]
+        # Of a tube around a smooth axis (Pappus), less what is the thicker tube's where they join.
+        whole = float(np.trapezoid(np.pi * line.radius**2, line.stations))
+        lost = 0.0
+        for join in anatomy.join:
+            if join.tube == volume.names[label]:
+                to, end = lines[join.to], line.places[-join.end]
+                thick = float(np.interp(to.nearest(end), to.stations, to.radius))
+                # From the axis to the wall at 30 degrees or more.
+                lost += 2.0 * thick * np.pi * float(line.radius.max()) ** 2
+        assert 0.97 * whole - lost < count * size < 1.03 * whole, volume.names[label]
+        middle = line.at(0.5 * line.length) @ np.array(HEAD_RIGHT_FRONT)
+        i, j, k = np.rint(volume.indices(middle[np.newaxis])[0]).astype(int)
+        assert volume.values[k, j, i] == label
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["normal", "--voxels", "a.nii.gz"], ".seg.nrrd"),
+        (["normal", "--voxels", "a.nrrd", "--voxel-mm", 0.0], "0.05 to 5 mm"),
+        (["normal", "--voxels", "a.nrrd", "--voxel-mm", 0.06], "give larger ones"),
+        (["--list", "--voxels", "a.nrrd"], "--voxels is of one anatomy"),
+    ],
+)
+def test_voxels_that_cannot_be_are_refused(
+    arguments: list[object], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert says in refused(["anatomy", *arguments])
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_cystic_artery_is_offered_and_drawn_in(tmp_path: Path) -> None:
