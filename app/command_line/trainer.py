@@ -97,9 +97,11 @@ def trainer(
     beside = None if policy is None else _beside(policy)
     run = None if replay is None else _replayed(replay, served.organ)
     if run is not None:
-        if scene == "calot":
-            raise ValueError(f"--replay {replay}: this run is of a duct: leave --scene calot out")
-        scene = scene or ("bed" if run.log.start.in_bed else "free")
+        begins = run.log.start
+        of = "calot" if begins.anatomy is not None else "bed" if begins.in_bed else "free"
+        if "calot" in {scene, of} and scene not in {None, of}:
+            raise ValueError(f"--replay {replay}: this run needs --scene {of}")
+        scene = scene or of
 
     def start() -> "Trainer":
         return served.start(
@@ -145,11 +147,9 @@ def _replayed(file: Path, organ: "Organ") -> "RunFile":
     """Return a run, after a look whether it can be replayed on the organ that is served."""
     from app.bounded_file import read_bounded
     from app.simulation import MOST_BYTES, Replay, read_run
-    from app.trainer.client.page_state import check_drawn
 
     run = read_run(read_bounded(file, MOST_BYTES, "run"))
     try:
-        check_drawn(run)
         Replay(run.log, organ)
     except ValueError as error:
         raise ValueError(f"--replay {file}: {error}") from None

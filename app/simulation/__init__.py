@@ -65,10 +65,12 @@ from app.simulation.run_file import (
     RunFile,
     RunFileError,
     RunLog,
+    anatomy_or_name,
     run_json,
 )
 from app.simulation.safety import CriticalView, Safety, Tenting
 from app.simulation.scripted_hands import CAREFUL, MANNERS, perform
+from app.simulation.seen import Seen, what_was_seen
 from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
 from app.simulation.sight import TOWARDS_VIEWER
 from app.simulation.spatial_tissue import (
@@ -169,6 +171,7 @@ __all__ = [
     "RunLog",
     "Safety",
     "Script",
+    "Seen",
     "Series",
     "Session",
     "SpatialTissue",
@@ -186,6 +189,7 @@ __all__ = [
     "Trocar",
     "Tubes",
     "Vector",
+    "anatomy_or_name",
     "bed_named",
     "bed_presets",
     "chosen_preset",
@@ -212,4 +216,5 @@ __all__ = [
     "specimen_in_bed",
     "tear_front",
     "tear_swing",
+    "what_was_seen",
 ]

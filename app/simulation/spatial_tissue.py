@@ -64,7 +64,7 @@ LEAST_FLOW = 1e-3
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
 SCOPE_INSTRUMENTS: tuple[Instrument, ...] = ("grasper", "dissector")
 """At an anatomy: the assistant's hand holds, the surgeon's parts."""
-CLEAR_MM = 25.0
+CLEAR_MM = 18.0
 """mm before the tubes of an anatomy, on the way to its trocar, where an empty instrument waits."""
 # Of the span, where the hands' empty instruments wait: the second one out of the first's way.
 PARKED_AT = (0.5, 0.2)
@@ -200,7 +200,7 @@ class SpatialTissue:
         self._opened = None if opening is None else opening.opened_mm
         self.divided: bool = opening is not None and opening.divided
         usual = () if self.specimen.anatomy is None else SCOPE_INSTRUMENTS
-        self._in_hand = usual if exercise is None else exercise.in_hand
+        self._in_hand = usual if exercise is None else exercise.in_hand or usual
         self.view: Floats = TOWARDS_VIEWER  # (3,) unit vector towards the viewer
         self._relaxing = self.specimen.relaxing(None if opening is None else opening.relaxes)
         self._make_whole()

@@ -1,6 +1,7 @@
 """The scope and the instruments in their trocars, the assistant, and what a frame holds."""
 
 import math
+from pathlib import Path
 from typing import cast
 from unittest.mock import MagicMock
 
@@ -10,7 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.anatomy import AnatomyNetwork, anatomy_named, anatomy_network, shipped_anatomies
-from app.simulation import TICK_SECONDS, TROCARS, Session, Specimen, Trocar
+from app.simulation import (
+    TICK_SECONDS,
+    TROCARS,
+    Feedback,
+    Session,
+    Specimen,
+    Trocar,
+    exercises_offered,
+    performed,
+    read_script,
+    what_was_seen,
+)
 from app.simulation.trocar import DEEPEST, LENGTH
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import HOLDS_MM_S, STEADY, ScopeLead
@@ -22,6 +34,7 @@ from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Packing, 
 from app.trainer.scope.pose import OBLIQUE, Laparoscope, Pose
 from app.trainer.scope.surroundings import film_runs, floor_under, strand_table, working_place
 
+SCRIPTS = Path(__file__).parents[2] / "assets" / "scripts"
 TARGET = np.array([44.0, 8.0, 0.0])
 angles = st.floats(-1.0, 1.0)
 ways = st.floats(-math.pi, math.pi)
@@ -299,3 +312,28 @@ def test_clips_scissors_and_suction(lead: ScopeLead) -> None:
     assert lead.sucks(1)
     pass_time(lead, session, 1.0)
     assert tissue.pooled_ml < pooled
+
+
+def test_what_was_seen_of_a_run_and_its_replay_in_the_page() -> None:
+    """The hasty script's tear and bleeding are told; only the page of its anatomy replays it."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=300)
+    (exercise,) = exercises_offered(session)
+    session.start_exercise(exercise, Feedback.CONTINUOUS)
+    performed(read_script(SCRIPTS / "hasty.toml"), session)
+    run = session.run_file()
+    assert run.outcome is not None
+    assert not run.outcome.passed
+    state = PageState(MagicMock(), session, cast(Workers, None))
+    seen = what_was_seen(state.replay_of(run, vertices=300))
+    assert [each.seconds for each in seen] == sorted(each.seconds for each in seen)
+    torn = [event for event in session.spatial.events if event.kind == "tear"]
+    assert [(each.seconds, each.what) for each in seen if "tears" in each.what] == [
+        (event.tick * TICK_SECONDS, f"{event.tube} tears") for event in torn
+    ]
+    assert "artery bleeds" in [each.what for each in seen]
+    state.start_replay(run)
+    assert state.playback is not None
+    assert state.shown.specimen.anatomy == anatomy_named("normal")
+    other = Session(Specimen.of_anatomy(anatomy_named("short-cystic")), vertices=300)
+    with pytest.raises(ValueError, match="the anatomy 'normal'"):
+        PageState(MagicMock(), other, cast(Workers, None)).start_replay(run)

@@ -8,6 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.anatomy import Anatomy
 from app.simulation import (
     FEW,
     HOLDING,
@@ -25,6 +26,7 @@ from app.simulation import (
     Session,
     Spread,
     Vector,
+    anatomy_or_name,
 )
 from app.trainer.client.beside import Beside, Role, StartCompanion
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
@@ -34,7 +36,7 @@ from app.trainer.scene.tissue_scene import Colours
 from organ_geometry import Organ
 from physics import Theory
 
-__all__ = ["EXERCISE_GOES_ON", "FORCE_KEY", "HAND_ONLY", "NUDGE", "PageState", "check_drawn"]
+__all__ = ["EXERCISE_GOES_ON", "FORCE_KEY", "HAND_ONLY", "NUDGE", "PageState"]
 
 NUDGE = 0.5
 """mm that a key moves the tip, or opens the jaws by."""
@@ -55,13 +57,9 @@ BY_POLICY = "The policy has this hand until the exercise is over."
 TAKES = "button a takes the duct below the hook and lets go of it, as the keys X and G do"
 
 
-def check_drawn(run: RunFile) -> None:
-    """Raise a `ValueError` where no page can show a run."""
-    if run.log.start.anatomy is not None:
-        raise ValueError(
-            "this run is of an anatomy of several tubes, which pages do not replay yet; "
-            "bluntdissect replay prints what happened"
-        )
+def _named(anatomy: Anatomy | str) -> str:
+    name = anatomy if isinstance(anatomy, str) else anatomy.name
+    return f"the anatomy {name!r}"
 
 
 class PageState:
@@ -266,7 +264,14 @@ class PageState:
 
     def start_replay(self, run: RunFile, at: float = 0.0) -> None:
         """Replay a run from a time, s, on, in place of the session, which is stopped meanwhile."""
-        check_drawn(run)
+        anatomy = run.log.start.anatomy
+        shown = self.session.specimen.anatomy
+        if anatomy != (None if shown is None else anatomy_or_name(shown)):
+            raise ValueError(
+                "this run is of a duct: choose one at the top"
+                if anatomy is None
+                else f"this run is at {_named(anatomy)}: choose Calot's triangle, and that anatomy"
+            )
         playback = ReplayPlayback(self.replay_of(run))
         self.release_hand()
         playback.seek(at)

@@ -1,5 +1,6 @@
 """The result page: how a run has ended, its measures, its plots, and what to do next."""
 
+import html
 from collections.abc import Callable, Sequence
 from datetime import datetime
 
@@ -12,13 +13,15 @@ from app.simulation import (
     Exercise,
     Metrics,
     RunFile,
+    Seen,
     Session,
     Stay,
     perform,
     run_json,
+    what_was_seen,
 )
 from app.trainer.client.page_state import PageState
-from app.trainer.panel.controls import note, on_click
+from app.trainer.panel.controls import note, on_click, rows_html
 from app.trainer.panel.debrief import add_debrief
 from app.trainer.panel.dialog import dialog
 from app.trainer.panel.measures_table import measures_html, outcome_html
@@ -77,6 +80,15 @@ def run_name(run: RunFile) -> str:
     return f"{what}-{datetime.now():%Y-%m-%d-%H%M%S}"
 
 
+def _seen_html(seen: Sequence[Seen]) -> str:
+    """Return what was seen when, as HTML."""
+    if not seen:
+        return note("Nothing came to be seen, and nothing happened to a tube.", "seen")
+    rows = [(f"{each.seconds:.0f} s", html.escape(each.what)) for each in seen]
+    table = rows_html(rows, "padding:2px 14px 2px 0;text-align:right;white-space:nowrap", "")
+    return f"<table data-testid='seen' style='margin:8px 12px;font-size:13px'>{table}</table>"
+
+
 def show_result(
     state: PageState,
     run: RunFile,
@@ -126,6 +138,9 @@ def show_result(
                 gui.add_html(note(_BESIDE))
         with tabs.add_tab("Over time"):
             add_series_plots(gui, series, exercise)
+        if exercise is not None and run.log.start.anatomy is not None:
+            with tabs.add_tab("What was seen"):
+                gui.add_html(_seen_html(what_was_seen(replay)))
         if expert is not None:
             shown = gui.add_button("Show me", icon=viser.Icon.SCHOOL, color="gray", hint=SHOW_ME)
             on_click(shown, closing(lambda: watch(expert.run_file(), 0.0)))

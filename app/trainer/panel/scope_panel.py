@@ -22,11 +22,14 @@ from app.trainer.panel.controls import (
     set_if_changed,
 )
 from app.trainer.panel.dialog import dialog
-from app.trainer.panel.frame import add_disclaimer, style_panel
+from app.trainer.panel.exercise_tab import ExerciseTab
+from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, style_panel
 from app.trainer.panel.help import Key, first_minute
 from app.trainer.panel.readout import HANDS
+from app.trainer.panel.replay_tab import ReplayTab
+from app.trainer.panel.result_page import show_result
 from app.trainer.panel.scenes import add_scenes
-from app.trainer.viser_bridge.page import announce, offer_home, take_arrows
+from app.trainer.viser_bridge.page import announce, offer_home, open_tab, take_arrows
 
 __all__ = ["ScopePanel"]
 
@@ -89,6 +92,8 @@ KEYS = (
     Key("P", "P", "Pause or go on", "time stands still"),
     Key("R", "R", "Reset", "all whole again"),
 )
+ALWAYS = ("Z", "V")
+"""Keys that act while a replay is shown, too."""
 TEXT = """\
 **The mouse.** Press in the picture and the tip goes under the pointer; drag to lead it. The
 **wheel** moves it into the picture and out. The **right button**, or **G**, uses the instrument.
@@ -131,6 +136,23 @@ class ScopePanel:
         gui.add_html(note(GOAL, "goal"))
         self._readout = gui.add_html("")
         add_disclaimer(gui)
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Train"):
+            self._add_hands()
+        with tabs.add_tab(LEARN):
+            self._exercises = ExerciseTab(gui, state, self.replay)
+        with tabs.add_tab(REPLAY):
+            self._replay = ReplayTab(gui, state)
+        ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
+        on_click(ask, self._show_help)
+        on_click(self._exercises.result, self._show_last)
+        self._add_keys()
+        if state.in_exercise:  # the page was loaded or made anew
+            open_tab(state.client, LEARN)
+        self.show(state.shown.reading())
+
+    def _add_hands(self) -> None:
+        gui, lead = self._gui, self._lead
         self._leads = Choice(gui, "Led", LEADS, self._choose_led)
         self._hands = [self._add_hand(hand, name) for hand, name in enumerate(HANDS)]
         self._how = gui.add_html("")
@@ -141,10 +163,6 @@ class ScopePanel:
         self._add_anatomies()
         reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, hint="All whole again (R)")
         on_click(reset, lead.reset)
-        ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
-        on_click(ask, self._show_help)
-        self._add_keys()
-        self.show(state.shown.reading())
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
@@ -161,20 +179,40 @@ class ScopePanel:
         words = "The assistant holds the scope." if lead.held.assisted else YOU_HOLD
         set_if_changed(self._held, content=note(words, "scope"))
         set_if_changed(self._readout, content=self._figures(reading))
+        self._exercises.show()
+        self._replay.show()
         words = self._standing(reading)
         if words != self._announced:
             self._announced = words
             announce(state.client, words)
 
     def show_result(self, run: RunFile) -> None:
-        """Show nothing: no exercise is set here."""
+        """Open the result page of a run; replaying the run for its plots takes a while."""
+        state = self._state
+
+        def again() -> None:
+            state.start_again(run)
+            open_tab(state.client, LEARN)
+
+        show_result(state, run, again, self.replay)
+
+    def replay(self, run: RunFile, at: float = 0.0) -> None:
+        """Replay a run from a time, s, on, in the tab of replays."""
+        self._replay.replay(lambda: run, at)
+        open_tab(self._state.client, REPLAY)
+
+    def _show_last(self) -> None:
+        run = self._state.last_run
+        if run is not None:
+            self._state.attempt("Measuring the run.", lambda: self.show_result(run))
 
     def close(self) -> None:
         """Remove nothing: the client uploads nothing here."""
 
     def _figures(self, reading: Reading) -> str:
         torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
-        rows = [
+        hidden = not self._state.figures_visible
+        rows = [] if hidden else [
             ("Strands parted", f"{reading.broken}"),
             ("Largest stress, of the wall's strength", f"{100.0 * reading.stress_ratio:.0f} %"),
             *((f"{each.name.capitalize()} lost", f"{figure(each.lost_ml)} ml")
@@ -267,9 +305,12 @@ class ScopePanel:
                 key.title, description=key.meaning, hotkey=key.hotkey, modifier=key.modifier
             )
 
+            always = key.name in ALWAYS
+
             @command.on_trigger
-            async def _(_: object, act=actions[key.name]) -> None:  # pyright: ignore
-                act()
+            async def _(_: object, act=actions[key.name], always=always) -> None:  # pyright: ignore
+                if always or state.playback is None:
+                    act()
 
             if key.name == "V":
                 offer_home(state.client, command, f"{key.title} ({key.name})", key.meaning)

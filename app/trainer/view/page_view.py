@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.anatomy import Anatomy, anatomy_network
+from app.anatomy import Anatomy, anatomy_named, anatomy_network
 from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, RunFile, Session
 from app.trainer.client.beside import StartCompanion
 from app.trainer.client.page_state import EXERCISE_GOES_ON, PageState
@@ -186,11 +186,13 @@ class PageView:
         self._show(scene)
 
     def replay(self, run: RunFile) -> None:
-        """Replay a run of a duct in place of the session."""
-        if self._lead is not None:
-            self._show("bed" if run.log.start.in_bed else "free")
-        if isinstance(self._panel, PagePanel):
-            self._panel.replay(run)
+        """Replay a run in place of the session."""
+        start = run.log.start
+        if (anatomy := start.anatomy) is not None:
+            self._show_anatomy(anatomy_named(anatomy) if isinstance(anatomy, str) else anatomy)
+        elif self._lead is not None:
+            self._show("bed" if start.in_bed else "free")
+        self._panel.replay(run)
 
     def _show_anatomy(self, anatomy: Anatomy) -> None:
         """Show another anatomy."""
