@@ -10,7 +10,7 @@ import msgspec
 import tomli_w
 
 from app.anatomy.anatomy_geometry import tube_lines
-from app.anatomy.tables import Anatomy, JoinTable, LayerTable, TableError, TubeTable
+from app.anatomy.tables import Anatomy, JoinTable, LayerTable, Place, TableError, TubeTable
 from app.bounded_file import decoded, read_bounded
 from assets import ANATOMIES
 
@@ -19,7 +19,21 @@ __all__ = ["anatomy_named", "anatomy_toml", "checked", "read_anatomy", "shipped_
 MOST_BYTES = 1_000_000
 """Size of an anatomy file: some hundred tubes."""
 
-_HEADER = re.compile(r"\s*\[\[\s*(\w+)\s*\]\]")
+MOST_MM = 1e4
+"""Farthest that any place or length may be."""
+RANGES = {
+    "radius_mm": (1e-2, 1e3), "wall_mm": (1e-3, 1e3), "modulus_MPa": (1e-5, 1e6),
+    "strength_MPa": (1e-6, 1e6), "factor": (1e-3, 1e3), "reach_mm": (1e-3, MOST_MM),
+    "gap_mm": (1e-3, 1e3), "yield_mm": (1e-3, 1e3), "part_mm": (1e-3, 1e3),
+    "stiff": (1e-3, 1e3), "length_mm": (0.0, MOST_MM), "from_mm": (0.0, MOST_MM),
+    "to_mm": (0.0, MOST_MM), "slack_mm": (0.0, 1e3), "floor_N_mm2": (0.0, 1e3),
+}  # fmt: skip
+"""Least and most of each number, as far as tissue and the solver go."""
+MOST_STRANDS, MOST_SEED = 200_000, 2**31
+
+_RIGID = 1e-3
+
+_HEADER = re.compile(r"\s*\[\[?\s*(\w+)\s*\]\]?")
 _PATH = re.compile(r"^(.*) - at `\$((?:\.\w+)?)(?:\[(\d+)\])?(?:\.(\w+))?.*`$")
 _UNKNOWN_FIELD = re.compile(r"unknown field `(\w+)`")
 
@@ -85,6 +99,12 @@ def check_tables(anatomy: Anatomy) -> None:
     """Raise a `TableError` at the first number or name that cannot be, of each table by itself."""
     if not anatomy.tube:
         raise TableError("an anatomy needs a [[tube]]", "tube", 0)
+    if not 0 <= anatomy.seed < MOST_SEED:
+        raise TableError(f"seed must be 0 to {MOST_SEED - 1:,}, got {anatomy.seed}", "", 0, "seed")
+    if anatomy.place is not None:
+        _check_place(anatomy.place)
+    for number, shown in enumerate(anatomy.shown):
+        _check_beside(shown.organ, "shown", number)
     seen: set[str] = set()
     for number, tube in enumerate(anatomy.tube):
         _check_tube(tube, number, seen)
@@ -103,6 +123,9 @@ def check_tables(anatomy: Anatomy) -> None:
     for number, touch in enumerate(anatomy.touch):
         for name in (touch.tube, touch.to):
             _check_known(anatomy, name, "touch", number, "to" if name == touch.to else "tube")
+        if touch.tube == touch.to:
+            raise TableError(f"tube {touch.tube!r} touches itself", "touch", number, "to")
+        _check_range(touch.length_mm, "length_mm", f"touch of {touch.tube!r}", "touch", number)
     for number, layer in enumerate(anatomy.layer):
         _check_layer(anatomy, layer, number)
 
@@ -117,8 +140,8 @@ def _check_tube(tube: TubeTable, number: int, seen: set[str]) -> None:
         raise fault("another tube has this name", "name")
     if len(tube.points_mm) < 2:
         raise fault(f"points_mm needs 2 or more points, got {len(tube.points_mm)}", "points_mm")
-    if not all(math.isfinite(value) for point in tube.points_mm for value in point):
-        raise fault("points_mm must be finite", "points_mm")
+    if not all(abs(value) <= MOST_MM for point in tube.points_mm for value in point):
+        raise fault(f"points_mm must be finite and within {MOST_MM:,.0f} mm", "points_mm")
     radii = tube.radius_mm if isinstance(tube.radius_mm, list) else [tube.radius_mm]
     if not radii:
         raise fault("radius_mm needs a radius", "radius_mm")
@@ -128,9 +151,9 @@ def _check_tube(tube: TubeTable, number: int, seen: set[str]) -> None:
         ("modulus_MPa", tube.modulus_MPa),
         ("strength_MPa", tube.strength_MPa),
     ):
-        if not (math.isfinite(value) and value > 0.0):
-            unit = name.rpartition("_")[2]
-            raise fault(f"{name} must be above 0 {unit} and finite, got {value:g}", name)
+        _check_range(value, name, f"tube {tube.name!r}", "tube", number)
+    if tube.organ is not None:
+        _check_beside(tube.organ, "tube", number)
     if tube.wall_mm >= min(radii):
         raise fault(
             f"a wall of {tube.wall_mm:g} mm leaves no bore in a radius of {min(radii):g} mm",
@@ -152,11 +175,7 @@ def _check_join(anatomy: Anatomy, join: JoinTable, number: int) -> None:
             f"tube {join.tube!r} must stand after {join.to!r}, which it joins",
             "join", number, "to",
         )  # fmt: skip
-    if not (math.isfinite(join.stiff) and join.stiff > 0.0):
-        raise TableError(
-            f"join of {join.tube!r}: stiff must be above 0, got {join.stiff:g}",
-            "join", number, "stiff",
-        )  # fmt: skip
+    _check_range(join.stiff, "stiff", f"join of {join.tube!r}", "join", number)
 
 
 def _check_layer(anatomy: Anatomy, layer: LayerTable, number: int) -> None:
@@ -176,22 +195,58 @@ def _check_layer(anatomy: Anatomy, layer: LayerTable, number: int) -> None:
         raise fault(
             f"there is no bed {layer.preset!r}; there are {', '.join(bed_presets())}", "preset"
         )
-    if layer.strands < 1:
-        raise fault(f"strands must be 1 or more, got {layer.strands}", "strands")
-    for name in ("factor", "to_mm", "reach_mm", "gap_mm", "yield_mm", "part_mm"):
-        value = getattr(layer, name)
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise fault(f"{name} must be above 0 and finite, got {value:g}", name)
-    for name in ("from_mm", "slack_mm", "floor_N_mm2"):
-        value = getattr(layer, name)
-        if value is not None and not (math.isfinite(value) and value >= 0.0):
-            raise fault(f"{name} must be 0 or more and finite, got {value:g}", name)
+    if not 1 <= layer.strands <= MOST_STRANDS:
+        raise fault(f"strands must be 1 to {MOST_STRANDS:,}, got {layer.strands:,}", "strands")
+    named = f"layer of {layer.tube!r} to {layer.to!r}"
+    for name in RANGES:
+        if (value := getattr(layer, name, None)) is not None:
+            _check_range(value, name, named, "layer", number)
+    bed = bed_presets()[layer.preset]
+    yields = bed.yield_mm if layer.yield_mm is None else layer.yield_mm
+    parts = bed.part_mm if layer.part_mm is None else layer.part_mm
+    if parts < yields:
+        raise fault(
+            f"strands part at {parts:g} mm, before they yield at {yields:g} mm",
+            "yield_mm" if layer.part_mm is None else "part_mm",
+        )
     if layer.toward is not None:
         if layer.to != "bed":
             raise fault('toward is where a bed lies, and goes with to = "bed"', "toward")
         size = math.dist(layer.toward, (0.0, 0.0, 0.0))
         if not 0.99 < size < 1.01:
             raise fault(f"toward must be of length 1, got {size:g}", "toward")
+
+
+def _check_place(place: Place) -> None:
+    rows = place.rows_LPS
+    if not all(abs(value) <= MOST_MM for row in (place.origin_LPS_mm, *rows) for value in row):
+        raise TableError(f"place must be finite and within {MOST_MM:,.0f} mm", "place", 0)
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    turn = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    off = max(
+        abs(sum(p * q for p, q in zip(one, other, strict=True)) - (m == n))
+        for m, one in enumerate(rows)
+        for n, other in enumerate(rows)
+    )
+    if not (off < _RIGID and turn > 0.0):
+        raise TableError("rows_LPS must be three directions of a turn", "place", 0, "rows_LPS")
+
+
+def _check_beside(organ: str, table: str, number: int) -> None:
+    if not organ or Path(organ).name != organ:
+        raise TableError(
+            f"organ {organ!r} must be a file beside the anatomy", table, number, "organ"
+        )
+
+
+def _check_range(value: float, name: str, what: str, table: str, number: int) -> None:
+    low, high = RANGES[name]
+    if not low <= value <= high:
+        unit = {"factor": "", "stiff": ""}.get(name, f" {name.partition('_')[2].replace('_', '/')}")
+        raise TableError(
+            f"{what}: {name} must be from {low:g} to {high:g}{unit}, got {value:g}",
+            table, number, name,
+        )  # fmt: skip
 
 
 def _check_known(anatomy: Anatomy, name: str, table: str, number: int, field: str) -> None:
@@ -243,12 +298,24 @@ def _located(path: Path, content: bytes, message: str) -> str:
 def _rows(content: bytes, table: str, number: int) -> list[str]:
     """Return the lines of a file's table, from its header on."""
     lines = content.decode(errors="replace").splitlines()
-    starts = [place for place, line in enumerate(lines) if _HEADER.match(line)]
-    mine = [place for place in starts if lines[place].strip().strip("[] ") == table]
-    if number >= len(mine):
+    first = _first_row(lines, table, number)
+    if first is None:
         return []
-    end = next((place for place in starts if place > mine[number]), len(lines))
-    return lines[mine[number] : end]
+    after = range(first + 1, len(lines))
+    end = next((place for place in after if _HEADER.match(lines[place])), len(lines))
+    return lines[first:end]
+
+
+def _first_row(lines: list[str], table: str, number: int) -> int | None:
+    """Return where a table's header is, of no table the first line; None if there is none."""
+    if not table:
+        return 0
+    mine = [
+        place
+        for place, line in enumerate(lines)
+        if _HEADER.match(line) and line.partition("#")[0].strip().strip("[] ") == table
+    ]
+    return mine[number] if number < len(mine) else None
 
 
 def _line_of(content: bytes, table: str, number: int, field: str | None) -> str:
@@ -256,10 +323,9 @@ def _line_of(content: bytes, table: str, number: int, field: str | None) -> str:
     rows = _rows(content, table, number)
     if not rows:
         return ""
-    lines = content.decode(errors="replace").splitlines()
-    headers = [place for place, line in enumerate(lines) if line.strip().strip("[] ") == table]
+    first = _first_row(content.decode(errors="replace").splitlines(), table, number) or 0
     offset = 0
     if field is not None:
         key = re.compile(rf"\s*{re.escape(field)}\s*=")
         offset = next((place for place, line in enumerate(rows) if key.match(line)), 0)
-    return f", line {headers[number] + offset + 1}"
+    return f", line {first + offset + 1}"

@@ -1,8 +1,10 @@
 """Scripted hands at an anatomy: a file of steps, done in a session (docs/anatomy.md)."""
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -27,6 +29,8 @@ Do: TypeAlias = Literal[
 
 MOST_BYTES = 1_000_000
 MOST_SECONDS = 1800.0
+MOST_STEPS, MOST_MM, LEAST_DIRECTION = 20_000, 1000.0, 1e-3
+_STEP = re.compile(r"step\[(\d+)\]")
 SETTLE_SECONDS = 1.0
 """Longest time for which a hand is waited for after it was led somewhere."""
 JAWS_SPEED, SPEED = 10.0, 20.0
@@ -89,7 +93,18 @@ class Performance:
 def read_script(path: Path) -> Script:
     """Return the script in a file."""
     content = read_bounded(path, MOST_BYTES, "script")
-    return decoded(msgspec.toml.decode, content, Script, str(path))
+    try:
+        return decoded(msgspec.toml.decode, content, Script, "")
+    except ValueError as error:
+        raise ValueError(f"{path}: {_with_step(str(error).removeprefix(': '))}") from None
+
+
+def _with_step(message: str) -> str:
+    """Return an error of msgspec's with the number of its step, as all others have it."""
+    what, _, at = message.rpartition(" - at `$")
+    numbers = ".".join(str(int(number) + 1) for number in _STEP.findall(at))
+    field = at.rstrip("`").rpartition("]")[2].lstrip(".")
+    return f"step {numbers}: {what}{field and f' in {field}'}" if numbers else message
 
 
 def performed(script: Script, session: Session) -> Performance:
@@ -113,9 +128,11 @@ def performed(script: Script, session: Session) -> Performance:
         If a step names a tube or an instrument that is not there, or needs more than it says.
     """
     hands = _Hands(session)
-    steps = list(_flat(script.step, ""))
+    steps = list(islice(_flat(script.step, ""), MOST_STEPS + 1))
     if not steps:
         raise ValueError("a script needs a [[step]]")
+    if len(steps) > MOST_STEPS:
+        raise ValueError(f"a script has at most {MOST_STEPS:,} steps, repeated ones counted")
     for name, step in steps:
         hands.check(name, step)
     for name, step in steps:
@@ -196,10 +213,15 @@ class _Hands:
                 )
         for key in ("to_mm", "by_mm", "off_mm", "off_radii", "direction"):
             value = getattr(step, key)
-            if value is not None and not all(map(math.isfinite, value)):
-                raise ValueError(f"{name}: {key} must be three finite numbers, got {list(value)}")
-        if step.do in ("aim", "spread") and step.direction is not None and not any(step.direction):
-            raise ValueError(f"{name}: direction must not be 0, 0, 0")
+            if value is not None and not all(abs(each) <= MOST_MM for each in value):
+                raise ValueError(
+                    f"{name}: {key} must be three finite numbers of at most {MOST_MM:g}, got "
+                    f"{list(value)}"
+                )
+        if step.do in ("aim", "spread") and step.direction is not None:
+            size = math.dist(step.direction, (0.0, 0.0, 0.0))
+            if size < LEAST_DIRECTION:
+                raise ValueError(f"{name}: direction must not be 0, 0, 0")
 
     def do(self, name: str, step: Step) -> None:
         """Do a step, as long as it takes."""

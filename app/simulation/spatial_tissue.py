@@ -95,6 +95,8 @@ RODS: dict[Instrument, tuple[tuple[int, ...], ...]] = {
     "swab": tuple((2 * hand,) for hand in range(HANDS)),
     "suction": tuple((2 * hand,) for hand in range(HANDS)),
 }
+DIRECTION = (1e-9, 1e9)
+"""Length of what can be a direction."""
 MOST_SUCTION = 30.0
 """ml/s."""
 REACH = 60.0
@@ -352,7 +354,7 @@ class SpatialTissue:
     ) -> Applied | None:
         """Turn an instrument's shaft, or the direction in which its jaws part."""
         holder = self.hands[hand]
-        if holder.instrument not in RADIUS or not any(values):
+        if holder.instrument not in RADIUS or not DIRECTION[0] < math.hypot(*values) < DIRECTION[1]:
             return None
         if begin():  # which makes hands anew
             holder = self.hands[hand]

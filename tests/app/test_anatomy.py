@@ -226,7 +226,7 @@ BROKEN: dict[str, tuple[str, str, str]] = {
         edited("wall_mm = 0.42", "wall_mm = 1.4"), "wall_mm = 1.4", "'cystic'.*bore",
     ),
     "a radius below 0": (
-        edited("radius_mm = 1.4", "radius_mm = -1.4"), "radius_mm = -1.4", "'cystic'.*above 0",
+        edited("radius_mm = 1.4", "radius_mm = -1.4"), "radius_mm = -1.4", "'cystic'.*from 0.01",
     ),
     "a modulus that is not finite": (
         edited("modulus_MPa = 0.6", "modulus_MPa = inf"), "modulus_MPa = inf", "'gallbladder'",
@@ -282,6 +282,45 @@ BROKEN: dict[str, tuple[str, str, str]] = {
         re.sub(r"(?<=radius_mm = 1.4)", "", re.sub(
             r"points_mm = \[\[28\.0.*\]\]", "points_mm = [[28.0, 0.0, 0.0]]", NORMAL)),
         "points_mm = [[28.0, 0.0, 0.0]]", "'cystic'.*2 or more",
+    ),
+    "a point far away": (
+        re.sub(r"(?<=points_mm = \[\[28\.0).*\]\]", ", 0.0, 0.0], [1e300, 0.0, 0.0]]", NORMAL),
+        "points_mm = [[28.0, 0.0, 0.0], [1e300", "'cystic'.*within 10,000 mm",
+    ),
+    "a wall of nearly nothing": (
+        edited("wall_mm = 0.42", "wall_mm = 1e-10"), "wall_mm = 1e-10", "'cystic'.*from 0.001",
+    ),
+    "a modulus beyond all": (
+        edited("modulus_MPa = 0.6", "modulus_MPa = 1e300"), "modulus_MPa = 1e300", "'gallbladder'",
+    ),
+    "an organ elsewhere": (
+        edited('kind = "duct"', 'kind = "duct"\norgan = "../x.organ"'), "organ = ",
+        "beside the anatomy",
+    ),
+    "a seed below 0": (edited("seed = 7", "seed = -5"), "seed = -5", "seed must be 0 to"),
+    "too many strands": (
+        edited("strands = 200", "strands = 1000000"), "strands = 1000000", "1 to 200,000",
+    ),
+    "strands that part before they yield": (
+        edited('to = "cystic"\npreset', 'to = "cystic"\nyield_mm = 5.0\npart_mm = 1.0\npreset'),
+        "part_mm = 1.0", "'artery' to 'cystic'.*part at 1 mm",
+    ),
+    "strands that yield at nothing": (
+        edited('to = "cystic"\npreset', 'to = "cystic"\nyield_mm = 1e-300\npreset'),
+        "yield_mm = 1e-300", "yield_mm must be from",
+    ),
+    "a place that is no turn": (
+        edited("[[tube]]", "[place]\norigin_LPS_mm = [0, 0, 0]\n"
+               "rows_LPS = [[2, 0, 0], [0, 1, 0], [0, 0, 1]]\n\n[[tube]]"),
+        "rows_LPS = ", "directions of a turn",
+    ),
+    "a tube that touches itself": (
+        NORMAL + '\n[[touch]]\ntube = "rha"\nto = "rha"\nlength_mm = 8.0\n', 'to = "rha"\nlength',
+        "'rha' touches itself",
+    ),
+    "a touch of negative length": (
+        NORMAL + '\n[[touch]]\ntube = "rha"\nto = "common"\nlength_mm = -8.0\n',
+        "length_mm = -8.0", "length_mm must be from 0",
     ),
     "two points in one place": (
         re.sub(r"points_mm = \[\[28\.0.*\]\]",

@@ -239,6 +239,25 @@ BAD = {
     "blowing": ('[[step]]\ndo = "suck"\nrate_ml_s = -1', "rate_ml_s must be"),
     "empty step": ("[[step]]\nhand = 1", "needs either do"),
     "repeated nowhere": ('[[step]]\n[[step.step]]\ndo = "release"', "needs each_mm"),
+    "far away": ('[[step]]\ndo = "lead"\nto_mm = [1e300, 0, 0]', "step 1: to_mm must be"),
+    "as good as no direction": (
+        '[[step]]\ndo = "aim"\ndirection = [1e-300, 0, 0]',
+        "must not be 0, 0, 0",
+    ),
+    "without end": (
+        f"[[step]]\neach_mm = {[1] * 200}\n[[step.step]]\neach_mm = {[1] * 200}\n"
+        '[[step.step.step]]\ndo = "release"',
+        "at most 20,000 steps",
+    ),
+    "a word for a number": (
+        '[[step]]\ndo = "release"\n[[step]]\ndo = "wait"\nseconds = "1"',
+        "script.toml: step 2: .* in seconds",
+    ),
+    "a word deeper": (
+        '[[step]]\neach_mm = [1]\n[[step.step]]\ndo = "wait"\nseconds = "1"',
+        "step 1.1: .*seconds",
+    ),
+    "no TOML": ("[[step]", "script.toml: "),
     "repeated beyond": (
         '[[step]]\neach_mm = [1, 99]\n[[step.step]]\ndo = "grab"\ntube = "cystic"',
         "step 1.1: at_mm on 'cystic'",
@@ -256,6 +275,18 @@ def test_a_bad_script_is_refused_in_one_sentence(name: str, tmp_path: Path) -> N
         performed(read_script(path), _untouched())
     assert "\n" not in str(raised.value)
     assert not _untouched().run.started
+
+
+def test_the_command_refuses_a_bad_script_and_a_bad_anatomy(tmp_path: Path) -> None:
+    """One line with the file and the place, and no run is left."""
+    script, anatomy = tmp_path / "script.toml", tmp_path / "anatomy.toml"
+    script.write_text('[[step]]\ndo = "grab"\ntube = "ureter"\nat_mm = 1')
+    words = refused(["perform", script, "-o", tmp_path / "run.json"])
+    assert f"{script}: step 1: there is no tube 'ureter'" in words
+    anatomy.write_text('name = "x"\n[[tube]]\nname = 3')
+    words = refused(["perform", SCRIPTS / "hasty.toml", "--anatomy", anatomy])
+    assert f"{anatomy}, line 3: tube" in words
+    assert not (tmp_path / "run.json").exists()
 
 
 @cache
