@@ -16,7 +16,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 WORKERS ?= -n 2 --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help trainer wheel test test-all coverage check bench docs screenshots soak licences audit lint prose types layers format clean
+.PHONY: help trainer wheel test test-all coverage check bench docs links screenshots soak licences audit lint prose types layers format clean
 
 help:  ## say what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -48,6 +48,9 @@ bench: $(VENV)/.peers  ## measure what things cost on this machine, beside peers
 
 docs: $(VENV)/.tests  ## build the site in site/: open site/index.html
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
+links:  ## list the links that lead out of the docs, once each (those inside are checked by `make docs`)
+	@grep -rohE 'https?://[^][ )<>"`]+' *.md docs --include='*.md' | sort -u
 
 screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium)
 	@$(BIN)/python tests/app/screenshots.py docs/images

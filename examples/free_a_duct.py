@@ -18,7 +18,7 @@ lift = history.hands[:, 0, 2]
 force = np.linalg.norm(history.forces[:, 0], axis=1)
 assert history.stress is not None  # the bar has a wall
 share = history.stress / STRENGTH
-print(f"freed        {history.freed[-1]:.1f} mm, {history.broken[-1]} strands parted")
+print(f"freed        {history.freed[-1]:.1f} mm, {history.broken[-1]} strands broken")
 print(f"force        {force.max():.2f} N at most")
 print(f"to the break {100 * (1 - share[-1]):.0f} % left")
 

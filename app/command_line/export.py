@@ -88,8 +88,8 @@ def export(
 ) -> None:
     """Write an organ under a pull, or freed from its bed, as a file for other tools.
 
-    A GLB is rigged: it has a joint at each driving point, and animations of the pull and the tear,
-    or with --bed of how the hook frees the duct, with the strands.
+    A GLB is rigged: it has a joint at each driving point, and animations of the pull and the tear.
+    With --bed it shows how the hook frees the duct, with the strands.
     STL, PLY and OBJ are closed meshes, VTP and PVD carry the stresses for ParaView, CSV has the
     curve or the axis. All but GLB (metres, y up) are in mm and stand where the organ's images
     stand. Example: bluntdissect export duct.organ --force 2.0 -o duct.glb

@@ -79,7 +79,7 @@ def report_history(
             ("largest force", f"{np.nanmax(size):.6g} N, in step {int(np.nanargmax(size)) + 1}"),
         ]
     lines += [
-        ("freed", f"{history.freed[-1]:.6g} mm, {history.broken[-1]} strands parted"),
+        ("freed", f"{history.freed[-1]:.6g} mm, {history.broken[-1]} strands broken"),
         ("work", f"{history.work[-1]:.6g} mJ"),
         ("stored", f"{history.stored[-1]:.6g} mJ"),
         ("dissipated", f"{history.dissipated[-1]:.6g} mJ"),

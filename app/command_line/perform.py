@@ -74,14 +74,14 @@ def perform(
         "lost_ml": {each.name: each.lost_ml for each in reading.fluids},
         "peak_stress_ratio": reading.peak_stress_ratio,
         "strands": reading.strands,
-        "strands_parted": reading.broken,
+        "strands_broken": reading.broken,
         "refused": done.refused,
         "metrics": msgspec.to_builtins(run.metrics),
     }
     lines: list[tuple[str, object]] = [
         ("anatomy", made.name),
         ("time", f"{done.seconds:.1f} s"),
-        ("strands parted", f"{reading.broken} of {reading.strands}"),
+        ("strands broken", f"{reading.broken} of {reading.strands}"),
         ("largest stress", f"{100.0 * reading.peak_stress_ratio:.0f} % of the strength"),
         *(("event", _words(each)) for each in events),
         *(("lost", f"{each.lost_ml:.3g} ml of {each.name}") for each in reading.fluids),

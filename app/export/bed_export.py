@@ -19,7 +19,7 @@ from physics.bed import BeamOnBed, Hand, History, pull, step_places
 __all__ = ["BedExport"]
 
 # Facts of the last step, as `solve --bed` names them.
-BED_FACTS = ("freed_mm", "strands_parted", "work_mJ", "distance_to_break_percent")
+BED_FACTS = ("freed_mm", "strands_broken", "work_mJ", "distance_to_break_percent")
 # Name of the motion.
 FREE = "free"
 HAND_SPEED = 3.0
@@ -180,6 +180,6 @@ class BedExport(OrganExport):
             ended = f"torn {tear.station:.4g} mm from the first clamp:"
         return (
             f"bed {self._bed.name}, {ended} {facts['freed_mm']:.4g} mm are free, "
-            f"{facts['strands_parted']} strands parted, distance to break "
+            f"{facts['strands_broken']} strands broken, distance to break "
             f"{facts['distance_to_break_percent']:.4g} %"
         )

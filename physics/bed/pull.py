@@ -190,7 +190,7 @@ class History:
                 "hand_mm": _triple(self.hands[t, 0]) if self.hands.shape[1] else None,
                 "force_N": _triple(self.forces[t, 0]) if self.hands.shape[1] else None,
                 "freed_mm": float(self.freed[t]),
-                "strands_parted": int(self.broken[t]),
+                "strands_broken": int(self.broken[t]),
                 "work_mJ": float(self.work[t]),
                 "stored_mJ": float(self.stored[t]),
                 "dissipated_mJ": float(self.dissipated[t]),
@@ -228,7 +228,7 @@ class History:
             head += [f"force{tag}_{axis}_N" for axis in "xyz"]
         for m in range(self.rods.shape[1]):
             head += [f"rod_{m + 1}_{axis}_N" for axis in "xyz"]
-        head += ["freed_mm", "strands_parted", "work_mJ", "stored_mJ", "dissipated_mJ", "snap_mJ"]
+        head += ["freed_mm", "strands_broken", "work_mJ", "stored_mJ", "dissipated_mJ", "snap_mJ"]
         if self.stress is not None:
             head += ["stress_MPa"] + ["distance_to_break_percent"] * (threshold is not None)
         if self.times is not None:

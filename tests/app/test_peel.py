@@ -54,7 +54,7 @@ ROW = {
     "hand_mm",
     "force_N",
     "freed_mm",
-    "strands_parted",
+    "strands_broken",
     "work_mJ",
     "stored_mJ",
     "dissipated_mJ",
@@ -275,13 +275,13 @@ def test_solve_pulls_a_duct_off_its_bed(tmp_path: Path) -> None:
     found = json.loads(done.stdout)
     last = found["steps"][-1]
     assert last["hand_mm"] == pytest.approx([0.0, 3.0, 9.0], abs=1e-9)
-    assert last["strands_parted"] > 200
+    assert last["strands_broken"] > 200
     assert found["distance_to_break_percent"] == last["distance_to_break_percent"]
     assert 5.0 < found["distance_to_break_percent"] < 30.0
     assert found["open_share"] < 1e-4
     assert table.read_text().splitlines()[0].endswith("distance_to_break_percent")
     said = run("solve", "--bed", "loose", "--lift", 2, "--steps", 4, "--elements", 40).stdout
-    assert "strands parted" in said
+    assert "strands broken" in said
     assert "distance to break" in said
 
 

@@ -150,11 +150,11 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ),
         ErrorClass(
             "ahead_of_front", "Held ahead of the front", 9,
-            "a hold that pulls with more than `pull` was taken farther than `near` beyond the "
-            "nearest edge of a free stretch, where the duct is still fixed; not while the other "
-            "hand has a dissector or a swab, as it then holds the duct up",
-            "at {t:.1f} s you took hold at {x:.0f} mm, {d:.0f} mm ahead of where the duct is free, "
-            "and pulled on strands that you do not see",
+            "a hold that pulls with more than `pull` was taken more than `near` beyond a free "
+            "stretch, where the duct is still fixed; not while the other hand has a dissector or "
+            "a swab, as it then holds the duct up",
+            "at {t:.1f} s you took hold at {x:.0f} mm, {d:.0f} mm ahead of the free stretch, and "
+            "pulled on hidden strands",
             "Take hold at the front, at {front:.0f} mm.",
             (
                 Parameter("near", "mm", 2.0, "the step of a good hand"),
@@ -289,8 +289,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ),
         ErrorClass(
             "near_break_fast", "Near the break and not slower", 7,
-            "with the stress ratio s above `least`, now and as a mean of 0.13 s, (1 - s) over its "
-            "growth is below `seconds`, over 0.4 s",
+            "the stress ratio s is above `least`, now and as a mean of 0.13 s; (1 - s) over its "
+            "growth over 0.4 s is below `seconds`",
             "at {t:.1f} s the wall was at {p:.0f} % of its break and rose by {g:.0f} % a second",
             "Past half of the break slow down, so that two reaction times are left.",
             (
@@ -309,8 +309,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "traction_lost", "Traction lost while dissecting", 2,
             "strands yield on an instrument while the other hand has let the duct down by more "
-            "than `down`, and its hold, which has pulled with more than `pull`, has less than "
-            "`part` of its largest pull",
+            "than `down`; its hold has pulled with more than `pull`, and now has less than "
+            "`part` of that",
             "at {t:.1f} s the hold had gone from {most:.1f} to {f:.1f} N while the other hand "
             "dissected",
             "Keep the duct taut.",

@@ -25,7 +25,7 @@ BREAKS = "Force at which this duct tears when it is held here"
 NORMAL = "Tension along the duct, the same over its whole section"
 BENDING = "Tension at the outermost fibre from the bend"
 FREED = "Length of duct about which all strands but a few have parted"
-PARTED = "Strands that have parted, of all that held the duct; they never heal"
+PARTED = "Strands that have broken, of all that held the duct; they never heal"
 PEAK = "The highest nominal stress so far by the threshold; the mark on the bar is there too"
 HAND_FORCE = "What this hand feels: its pull on the duct, or its push on strands, newtons"
 ENERGY = (
@@ -153,7 +153,7 @@ def _cells(reading: Reading) -> list[str]:
     )
     return [
         _cell(term("Freed", FREED), figure(reading.freed), "mm"),
-        _cell(term("Strands parted", PARTED), f"{reading.broken}", f"of {reading.strands}"),
+        _cell(term("Strands broken", PARTED), f"{reading.broken}", f"of {reading.strands}"),
         *hands,
         _cell(
             term("Into strands", ENERGY),

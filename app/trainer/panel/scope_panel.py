@@ -213,7 +213,7 @@ class ScopePanel:
         torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
         hidden = not self._state.figures_visible
         rows = [] if hidden else [
-            ("Strands parted", f"{reading.broken}"),
+            ("Strands broken", f"{reading.broken}"),
             ("Largest stress, of the wall's strength", f"{100.0 * reading.stress_ratio:.0f} %"),
             *((f"{each.name.capitalize()} lost", f"{figure(each.lost_ml)} ml")
               for each in reading.fluids),

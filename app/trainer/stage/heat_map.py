@@ -36,7 +36,7 @@ def heat_legend_html(threshold: float) -> str:
 def freed_legend_html() -> str:
     """Return the key of the map of what is freed: the share of strands that have parted."""
     return _legend_html(
-        "Freed: strands parted",
+        "Freed: strands broken",
         "%",
         ["0", "25", "50", "75", "100"],
         "0 % is held, 100 % is free",
