@@ -21,9 +21,9 @@ SECONDS, WARM, COUNTS, EPISODES = 3.0, 20, (8, 16), 8
 SUBSTEPS = 8  # of a tick of the session
 
 
-def _alone() -> dict[str, float]:
+def _alone(**arguments: Any) -> dict[str, float]:
     """Random hands in one environment; the physics alone is timed on copies on the way."""
-    env = DissectionEnv()
+    env = DissectionEnv(**arguments)
     env.action_space.seed(1)
     actions = [env.action_space.sample() for _ in range(200)]
     env.reset(seed=1)
@@ -87,6 +87,7 @@ def measure_policies(console: Console) -> dict[str, Any]:
     """Print and return how fast environments go, and the memory of a bed."""
     with console.status("Timing environments ..."):
         alone, megabytes = _alone(), _megabytes()
+        tubes = _alone(anatomy="normal", exercise="critical_view")
         found = {
             f"{count} with {threads}": _side_by_side(count, threads)
             for count in COUNTS
@@ -101,10 +102,17 @@ def measure_policies(console: Console) -> dict[str, Any]:
         highlight=False,
         soft_wrap=True,
     )
+    console.print(
+        f"Five tubes of an anatomy with 1,426 strands: {tubes['ticks_per_cpu_second']:,.0f} ticks "
+        f"a second of one core, {tubes['tick_ms']:.2f} ms each, the physics "
+        f"{tubes['physics_ms']:.2f} ms",
+        highlight=False,
+        soft_wrap=True,
+    )
     for name, each in found.items():
         console.print(
             f"{name} threads: {each['ticks_per_second']:,.0f} ticks a second on "
             f"{each['cores_used']:.2f} cores",
             highlight=False,
         )
-    return {"alone": alone, "megabytes": megabytes, "side_by_side": found}
+    return {"alone": alone, "tubes": tubes, "megabytes": megabytes, "side_by_side": found}

@@ -12,20 +12,23 @@ network to `clone.onnx`; the trainer plays the one, and the other acts beside yo
 """
 
 import sys
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import onnx
 import pyarrow.parquet as pq
 
 from app.rl.demonstration import demonstrate
 from app.rl.environment import DissectionEnv
+from app.rl.task import Task
 from app.simulation import run_json
 
 KEYS = ("hands", "wall", "goal")
 HIDDEN, STEPS, RATE, NOISE = 64, 3000, 3e-3, 0.02
-UNSEEN = range(21, 41)
+UNSEEN, TIME_LIMIT_S = range(21, 41), 20.0
+Act = Callable[[dict[str, np.ndarray]], np.ndarray] | None
 
 
 def demonstrations(folder: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +86,11 @@ class Network:
         return self.forward(((row - self.mean) / self.scale)[None])[1][0]
 
     def save(self, path: Path) -> None:
-        """Write an ONNX file that the trainer's policies are read from."""
+        """Write an ONNX file, which the trainer reads, if there is the package `onnx`."""
+        try:
+            import onnx
+        except ImportError:
+            return
         # What is seen is scaled within the first layer, which has zeros for the time left.
         first = self.layers[0][:-1] / self.scale[:, None]
         start = self.layers[0][-1] - self.mean @ first
@@ -113,39 +120,46 @@ class Network:
         path.write_bytes(model.SerializeToString())
 
 
+def episode(env: DissectionEnv, seed: int, act: Act) -> dict[str, Any]:
+    """Do an episode in the bed of a seed, with scripted hands where there is no policy."""
+    if act is None:
+        demonstrate(env, seed)
+    else:
+        observed, _ = env.reset(options={"bed_seed": seed})
+        over = False
+        while not over:
+            observed, _, terminated, truncated, _ = env.step(act(observed))
+            over = terminated or truncated
+    assert env.episode is not None
+    return env.episode.info()
+
+
+def judge(name: str, act: Act) -> None:
+    """Judge a policy on beds never seen, and keep the fastest run that passes."""
+    env = DissectionEnv(exercise="window", time_limit=TIME_LIMIT_S)
+    passed, clean, seconds = 0, 0, []
+    for seed in UNSEEN:
+        info = episode(env, seed, act)
+        passed += info["passed"]
+        clean += info["passed"] and not info["errors"]
+        seconds.append(info["seconds"])
+        if info["passed"] and seconds[-1] == min(seconds):
+            Path(f"{name}.json").write_bytes(run_json(env.run_file()))
+    print(
+        f"{name}: {passed} of {len(seconds)} beds passed, {clean} without an error, "
+        f"{np.mean(seconds):.1f} s a bed",
+        flush=True,
+    )
+
+
 def main() -> None:
-    seen, done = demonstrations(Path(sys.argv[1]))
-    network = Network(seen, done)
+    network = Network(*demonstrations(Path(sys.argv[1])))
     network.save(Path("clone.onnx"))
-    env = DissectionEnv(exercise="window", time_limit=20.0)
-    env.action_space.seed(1)
-    hands = {
-        "cloned": network.act,
-        "random": lambda observed: env.action_space.sample(),
-        "scripted": None,
-    }
-    for name, act in hands.items():
-        passed, clean, seconds = 0, 0, []
-        for seed in UNSEEN:
-            if act is None:
-                demonstrate(env, seed)
-            else:
-                observed, _ = env.reset(options={"bed_seed": seed})
-                over = False
-                while not over:
-                    observed, _, terminated, truncated, _ = env.step(act(observed))
-                    over = terminated or truncated
-            assert env.episode is not None
-            info = env.episode.info()
-            passed += info["passed"]
-            clean += info["passed"] and not info["errors"]
-            seconds.append(info["seconds"])
-            if name == "cloned" and info["passed"] and seconds[-1] == min(seconds):
-                Path("clone.json").write_bytes(run_json(env.run_file()))
-        print(
-            f"{name}: {passed} of {len(seconds)} beds passed, {clean} without an error, "
-            f"{np.mean(seconds):.1f} s a bed"
-        )
+    space = Task().action_space
+    space.seed(1)
+    judge("clone", network.act)
+    judge("random", lambda _: space.sample())
+    judge("scripted", None)
 
 
 if __name__ == "__main__":

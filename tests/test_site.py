@@ -71,7 +71,12 @@ def test_every_command_has_its_help_on_the_site(site: Path) -> None:
 
 
 def test_every_example_is_shown() -> None:
-    others = {"diagrams.py", "gallery.py", "clone_window.py"}  # that draw pages, or learn long
+    others = {
+        "diagrams.py",
+        "gallery.py",
+        "clone_window.py",
+        "search_window.py",
+    }  # that draw pages, or learn long
     scripts = {path.name for path in (ROOT / "examples").glob("*.py")} - others
     assert set(EXAMPLES) == scripts
 

@@ -1,5 +1,13 @@
-"""Digests of what environments give, alone or side by side."""
+"""Digests of what environments give, alone or side by side.
 
+    python tests/app/rl_bits.py 1000
+    python tests/app/rl_bits.py 1000 --side-by-side 8 --threads 2
+    NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR=build/generic python tests/app/rl_bits.py 1000
+
+print the digest of so many seeds, 20 steps each: three times the same one.
+"""
+
+import argparse
 import hashlib
 from typing import Any
 
@@ -56,3 +64,27 @@ def _take(digest: Any, observed: dict[str, np.ndarray], reward: float) -> None:
     for each in observed.values():
         digest.update(each.tobytes())
     digest.update(np.float64(reward).tobytes())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="The digest of episodes under random hands.")
+    parser.add_argument("seeds", type=int)
+    parser.add_argument("--steps", type=int, default=20)
+    parser.add_argument("--side-by-side", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=1)
+    given = parser.parse_args()
+    seeds, count = list(range(given.seeds)), given.side_by_side
+    found = (
+        alone(seeds, given.steps)
+        if not count
+        else [
+            digest
+            for i in range(0, len(seeds), count)
+            for digest in together(seeds[i : i + count], given.steps, given.threads)
+        ]
+    )
+    print(hashlib.sha256("".join(found).encode()).hexdigest())
+
+
+if __name__ == "__main__":
+    main()

@@ -153,7 +153,8 @@ def test_the_example_learns_from_it_and_judges(
     monkeypatch.chdir(made)
     clone.main()
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split(":")[0] for line in lines] == ["cloned", "random", "scripted"]
+    assert [line.split(":")[0] for line in lines] == ["clone", "random", "scripted"]
+    assert (made / "clone.onnx").exists()
     assert lines[2].startswith("scripted: 1 of 1 beds passed, 1 without an error")
 
 
