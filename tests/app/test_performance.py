@@ -94,6 +94,21 @@ def kinds(session: Session) -> list[tuple[str, str]]:
     return [(each.kind, each.tube) for each in session.spatial.events]
 
 
+def test_careful_hands_reach_five_of_six() -> None:
+    """Nothing tears, bleeds or leaks; what is not freed is the artery all round."""
+    session, found = shipped("careful")
+    view = found.view
+    assert view is not None
+    assert (view.two_structures, view.triangle_cleared, view.plate_freed) == (1, 2, 2)
+    assert view.torn == ()
+    assert session.spatial.events == []
+    assert not found.refused
+    assert session.reading().peak_stress_ratio < 1.0
+    assert view.structures["cystic"] > 0.9 > view.structures["artery"]
+    assert found.seconds < 600.0
+    assert not found.trap
+
+
 def test_hasty_jaws_make_the_artery_bleed() -> None:
     """The cystic artery tears by the second hand's jaws, blood is lost, and nothing is safe."""
     session, found = shipped("hasty")
