@@ -170,6 +170,7 @@ def trainer_page(
     first_minute: bool = False,
     query: str = "",
     dots: float = 1.0,
+    node: str = "/organ/skin",
 ) -> Iterator["TrainerPage"]:
     """A tab of its own on the trainer, with the duct in it; fails on any error in the page.
 
@@ -191,7 +192,7 @@ def trainer_page(
     try:
         page.goto(f"{address}/?fixedDpr={dots:g}{query}")
         trainer = TrainerPage(page)
-        trainer.wait_for_node("skin")  # it may be compiling yet
+        trainer.wait_for_path(node)  # it may be compiling yet
         if not first_minute:
             trainer.start()
         yield trainer
@@ -377,10 +378,12 @@ class TrainerPage:
 
     def wait_for_node(self, name: str, patience: float = PATIENCE) -> None:
         """Wait, at most so many ms, until a part of the organ is in the scene."""
+        self.wait_for_path(f"/organ/{name}", patience)
+
+    def wait_for_path(self, path: str, patience: float = PATIENCE) -> None:
+        """Wait, at most so many ms, until something is in the scene."""
         self.page.wait_for_function(
-            "name => window.__viserMutable?.nodeRefFromName?.['/organ/' + name]",
-            arg=name,
-            timeout=patience,
+            "path => window.__viserMutable?.nodeRefFromName?.[path]", arg=path, timeout=patience
         )
 
     def nodes(self) -> set[str]:

@@ -1,0 +1,123 @@
+"""The picture through the scope in a real browser: its pose, and what its pixels show."""
+
+import io
+from collections.abc import Iterator
+from typing import cast
+
+import numpy as np
+import pytest
+from browser import TrainerPage, _newest, trainer_page
+from PIL import Image
+from playwright.sync_api import Browser
+from simulated import phantom
+
+from app.trainer.scope.pose import Camera
+from app.trainer.scope.scope_scene import ScopeScene
+from app.trainer.server.trainer import Trainer
+from app.trainer.view.page_view import PageView
+
+POSE = """() => { const p = bluntdissectScope.picture, q = p.pose;
+    return [q.tip, q.right, q.up, q.back, [p.high, p.pivotError, p.drawn]]; }"""
+
+
+@pytest.fixture(scope="module")
+def calot() -> Iterator[Trainer]:
+    running = Trainer(phantom(), port=0, scene="calot", look="plain")
+    running.warm_up.wait("calot")
+    yield running
+    running.stop()
+
+
+class ScopePage:
+    """A page that shows the picture through the scope."""
+
+    def __init__(self, tab: TrainerPage, view: PageView) -> None:
+        self.tab, self.view = tab, view
+        tab.page.wait_for_function("() => window.bluntdissectScope?.picture?.drawn > 2")
+
+    @property
+    def camera(self) -> Camera:
+        return cast(ScopeScene, self.view._scene)._held.camera
+
+    def pose(self) -> np.ndarray:
+        """(5, 3) tip, right, up and back of the page's camera; height at 1 mm, error, pictures."""
+        # It is made anew for another scope.
+        self.tab.page.wait_for_function("() => window.bluntdissectScope?.picture?.pose")
+        return np.array(self.tab.page.evaluate(POSE))
+
+    def check_pose(self) -> None:
+        """The page's camera is where the scope's algebra says, and its shafts pass their pivots."""
+        page, camera = self.pose(), self.camera
+        assert page[0] == pytest.approx(camera.tip, abs=1e-3)  # float32 of some 150 mm
+        assert np.abs(page[1:4].T - camera.axes).max() <= 1e-6
+        assert page[4, 1] <= 0.01
+
+    def pixels(self) -> np.ndarray:
+        """(H, W, 3) what the picture's canvas shows, once what has come is drawn."""
+        before = self.pose()[4, 2]
+        self.tab.page.evaluate("() => window.dispatchEvent(new Event('resize'))")
+        self.tab.page.wait_for_function("n => bluntdissectScope.picture.drawn > n", arg=before)
+        box = self.tab.page.evaluate(
+            "() => { const b = document.querySelector('canvas').getBoundingClientRect();"
+            " return { x: b.x, y: b.y, width: b.width, height: b.height }; }"
+        )
+        shot = self.tab.page.screenshot(clip=box)
+        return np.array(Image.open(io.BytesIO(shot)).convert("RGB"), dtype=float)
+
+    def at(self, picture: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """(3,) mean colour of the 5 x 5 pixels where a place, (3,) mm, is seen."""
+        rows, columns = picture.shape[:2]
+        right, up, back = self.camera.axes.T @ (place - self.camera.tip)
+        high = self.pose()[4, 0]
+        x = 0.5 * columns * (1.0 - right / (back * high) * rows / columns)
+        y = 0.5 * rows * (1.0 + up / (back * high))
+        return picture[round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].mean(axis=(0, 1))
+
+
+def red(colour: np.ndarray) -> np.ndarray:
+    """Return how many times redder than green a colour is."""
+    return colour[..., 0] / np.maximum(colour[..., 1], 8.0)
+
+
+def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Browser) -> None:
+    """A bile-coloured gallbladder, pale fat, a red liver, black corners; then blood, that grows."""
+    with trainer_page(
+        drawing_browser,
+        calot.address,
+        width=900,
+        height=560,
+        first_minute=True,
+        node="/scope/state",
+    ) as tab:
+        tab.start()
+        # It covers the picture while it says that a processor draws.
+        tab.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+        view = _newest(calot, "calot")
+        page = ScopePage(tab, view)
+        tab.eventually(page.check_pose)
+        picture = page.pixels()
+        for corner in (picture[:6, :6], picture[:6, -6:], picture[-6:, :6], picture[-6:, -6:]):
+            assert corner.max() < 12.0
+        tissue = view.session.spatial
+        bladder = tissue.beam.places_at(np.array([12.0]), "gallbladder")[0]
+        wall = page.at(picture, bladder + 8.0 * page.camera.axes[:, 2])
+        assert wall.max() > 60.0
+        assert red(wall) < 1.35
+        liver = page.at(picture, np.array([79.0, 20.0, 16.0]))
+        assert red(liver) > 1.6
+        before = int(((red(picture) > 3.0) & (picture[..., 0] > 50.0)).sum())
+        artery = tissue.tubes.names.index("artery")
+        with view.session.lock:
+            view.session.open_jaws(1, 1.0)  # which begins a run, with all made whole
+            tissue.beam.tear(9.0, "artery")
+            tissue._note("tear", artery, 9.0, None)
+
+        def bled() -> bool:
+            now = page.pixels()
+            return int(((red(now) > 3.0) & (now[..., 0] > 50.0)).sum()) > before + 300
+
+        tab.wait_until(bled, 60.0)
+        # The oblique scope looks from where its algebra says.
+        tab.page.keyboard.press("z")
+        tab.wait_until(lambda: page.camera.shaft @ page.camera.axes[:, 2] > -0.9)
+        tab.eventually(page.check_pose)
