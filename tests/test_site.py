@@ -16,7 +16,17 @@ from assets import BILE_DUCT
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 
-TUTORIALS = ("dissect", "class", "check", "organ", "patient", "study", "policy", "extend")
+TUTORIALS = (
+    "dissect",
+    "triangle",
+    "class",
+    "check",
+    "organ",
+    "patient",
+    "study",
+    "policy",
+    "extend",
+)
 PAGES = ("index", "gallery", *(f"tutorials/{name}" for name in TUTORIALS))
 TEXTS = [(ROOT / "docs" / f"{page}.md").read_text() for page in PAGES]
 EXAMPLES = sorted(re.findall(r'^--8<-- "examples/(.*?)"$', "\n".join(TEXTS), flags=re.MULTILINE))
@@ -158,7 +168,7 @@ def test_what_the_tutorials_of_a_change_name_is_in_the_code() -> None:
                 assert re.search(rf"\b{name}\b", code), (name, files)
 
 
-def test_what_the_tutorial_of_a_class_says_to_press_is_there() -> None:
+def test_what_tutorials_say_to_press_is_there() -> None:
     text = TEXTS[PAGES.index("tutorials/class")]
     named = re.findall(r"(?<!\*)\*([^*\n]+)\*(?!\*)", text)
     folders = (ROOT / "app" / "trainer" / "classroom", ROOT / "app" / "classroom")
@@ -167,3 +177,10 @@ def test_what_the_tutorial_of_a_class_says_to_press_is_there() -> None:
     page = "".join(path.read_text() for path in paths)
     assert len(named) > 8
     assert not [each for each in named if each not in page]
+    named = re.findall(
+        r"(?<!\*)\*([^*\n]+)\*(?!\*)", TEXTS[PAGES.index("tutorials/triangle")].lower()
+    )
+    folder = ROOT / "app" / "trainer" / "panel"
+    page = "".join(path.read_text() for path in folder.glob("*.py")) + paths[-1].read_text()
+    assert len(named) > 8
+    assert not [each for each in named if each not in page.lower()]

@@ -100,7 +100,7 @@ is drawn, not computed.
 _BED_COMPUTED = f"""\
 **What is computed.** The duct is a beam in space, each strand a spring that yields, parts and never
 heals. {_TEARS.strip()} Strands part only as far
-as the hands' work pays for it. Left out: fluid, cutting, heat, friction, and tissue that creeps.
+as the hands' work pays for it. Left out: fluid, cutting, heat and friction.
 """
 _FREE_COMPUTED = f"""\
 **What is computed.** The duct is one beam between two clamps. {_TEARS.strip()}
