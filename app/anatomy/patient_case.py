@@ -1,7 +1,8 @@
 """A patient's anatomy from a volume of labels: an anatomy file and an organ of each tube.
 
-The anatomy's frame has x to the head, y to the patient's right and z to the front; it begins where
-the first tube does. What labels do not tell, walls, strengths and tissue, is assumed by kind.
+The anatomy's frame has x to the head, y to the patient's right and z to the front; the duct of the
+gallbladder joins the common duct at (28, 0, 0), as in the anatomies that ship. What labels do not
+tell, walls, strengths and tissue, is assumed by kind.
 """
 
 import json
@@ -63,6 +64,8 @@ _HEPATIC_ARTERY = "right_hepatic_artery"
 # its least length, of the distance.
 _ORIGINS_MM, _SLACKS = (0.0, 5.0, -5.0, 10.0, -10.0), (1.0, 1.1, 1.25)
 _KINDS = ("duct", "artery", "vein", "organ", "shown")
+# Where the duct of the gallbladder joins, in the anatomy's frame, as in those that ship.
+_JOIN_MM = np.array([28.0, 0.0, 0.0])
 _POINT_RADII, _POINT_MM = 2.0, 3.0  # between points of an axis in the file
 _MOST_POINTS, _FEWEST_POINTS = 40, 4
 # Between tubes so near over so long a stretch, tissue is assumed, of so many strands a mm.
@@ -353,7 +356,7 @@ def _anatomy(
     volume: LabelVolume, found: LabelTubes, kinds: dict[str, TubeKind], name: str
 ) -> Anatomy:
     rows = np.array(HEAD_RIGHT_FRONT)
-    origin = found.tubes[0].built.organ.axis[0].round(3)
+    origin = (_middle(found, kinds) - _JOIN_MM @ rows).round(3)
     tables: list[TubeTable] = []
     joins: list[JoinTable] = []
     lines: dict[str, TubeLine] = {}
@@ -421,6 +424,15 @@ def _anatomy(
     check_tables(anatomy)
     tube_lines(anatomy)
     return anatomy
+
+
+def _middle(found: LabelTubes, kinds: dict[str, TubeKind]) -> Floats:
+    """Return where the duct of the gallbladder joins another, else where the first tube begins."""
+    for join in found.joins:
+        enters = any(kinds[each.to] == "organ" for each in found.joins if each.tube == join.tube)
+        if enters and kinds[join.tube] == kinds[join.to] == "duct":
+            return found.tube(join.tube).built.organ.axis[-join.end]
+    return found.tubes[0].built.organ.axis[0]
 
 
 def _touches(anatomy: Anatomy, lines: dict[str, TubeLine], found: LabelTubes) -> list[TouchTable]:

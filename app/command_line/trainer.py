@@ -13,6 +13,7 @@ from app.command_line.shared_options import options_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from app.anatomy import Anatomy
     from app.haptics.servo_process import FeltSetting, ServoProcess
     from app.simulation import RunFile
     from app.trainer.client.beside import StartCompanion
@@ -36,6 +37,13 @@ def trainer(
         typer.Option(
             help="What the page opens on: calot, Calot's triangle through a laparoscope, bed, a "
             "duct in its bed, or free, one without.",
+        ),
+    ] = None,
+    anatomy: Annotated[
+        str | None,
+        typer.Option(
+            help="An anatomy file, or a shipped anatomy's name, for --scene calot.",
+            show_default="normal",
         ),
     ] = None,
     replay: Annotated[
@@ -85,6 +93,8 @@ def trainer(
         scene = (
             scene or {"dissect": "bed", "pull": "free"}[chosen("--mode", mode, ("dissect", "pull"))]
         )
+    if anatomy is not None and (scene not in {None, "calot"} or replay is not None):
+        raise ValueError("--anatomy goes with --scene calot")
     chosen("--exercise-inputs", exercise_inputs, ("hand", "any"))
     token = _given_token(token_file)
     served = serving(**options)
@@ -95,6 +105,8 @@ def trainer(
         devices.append((second_haptics, second_haptics_address or haptics_address))
     servo = None if haptics is None else _servo(devices, haptics_hand)
     beside = None if policy is None else _beside(policy)
+    own = None if anatomy is None else _own_anatomy(anatomy)
+    scene = "calot" if own is not None else scene
     run = None if replay is None else _replayed(replay, served.organ)
     if run is not None:
         begins = run.log.start
@@ -107,6 +119,7 @@ def trainer(
         return served.start(
             token=token,
             scene=scene,
+            anatomy=own,
             replay=run,
             exercise_inputs=exercise_inputs,
             policy=beside,
@@ -130,6 +143,13 @@ def _given_token(file: Path | None) -> str | None:
     if file is None:
         return os.environ.get(TOKEN_VARIABLE) or None
     return file.read_text(encoding="utf-8", errors="replace").strip()
+
+
+def _own_anatomy(source: str) -> "Anatomy":
+    """Return an anatomy by its name or file."""
+    from app.anatomy import read_anatomy, shipped_anatomies
+
+    return read_anatomy(shipped_anatomies().get(source, Path(source)))
 
 
 def _beside(file: Path) -> "StartCompanion":

@@ -6,9 +6,11 @@ from typing import Any, cast
 from unittest.mock import MagicMock
 
 import pytest
-from program import LONGEST
+from msgspec.structs import replace
+from program import LONGEST, refused
 from simulated import phantom
 
+from app.anatomy import anatomy_named
 from app.simulation import TOWARDS_VIEWER, Exercise, Stay
 from app.trainer.client.practice import Practice
 from app.trainer.client.workers import Workers
@@ -86,3 +88,27 @@ def test_a_result_waits_for_no_long_work_of_others(view: Any) -> None:
         assert view._panel.shown.wait(LONGEST)
     finally:
         go.set()
+
+
+def test_pages_begin_with_the_trainer_s_own_anatomy() -> None:
+    own = replace(anatomy_named("short-cystic"), name="mine")
+    practice = Practice(phantom(), None, "calot", own)
+    assert practice.session("calot").specimen.anatomy is own
+    # Another is chosen, and the ducts of other scenes are what they were.
+    practice.choose_anatomy(anatomy_named("normal"))
+    assert practice.session("calot").specimen.anatomy == anatomy_named("normal")
+    assert practice.session("free").specimen.anatomy is None
+    usual = Practice(phantom(), None, "calot")
+    assert usual.session("calot").specimen.anatomy == anatomy_named("normal")
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        (["--anatomy", "nothing.toml"], "nothing.toml"),
+        (["--anatomy", "normal", "--scene", "bed"], "--anatomy goes with --scene calot"),
+        (["--anatomy", "normal", "--replay", "run.json"], "--anatomy goes with --scene calot"),
+    ],
+)
+def test_an_anatomy_that_cannot_be_shown_is_refused(more: list[str], says: str) -> None:
+    assert says in refused(["trainer", "--port", 0, *more])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from app.anatomy import AnatomyNetwork, anatomy_named, anatomy_network, shipped_anatomies
 from app.simulation import (
@@ -194,6 +195,41 @@ def test_what_lies_about_the_tubes(name: str) -> None:
     assert (films[:, 0] < films[:, 1]).all()
     held = HeldScope(made)
     assert held.camera.seen(working_place(made)) == pytest.approx((0.0, HOME), abs=1e-8)
+
+
+@pytest.mark.parametrize("drop", [(), ("artery",), ("artery", "gallbladder")])
+def test_a_scope_looks_at_any_anatomy_s_triangle(drop: tuple[str, ...]) -> None:
+    """By kinds and joins, whatever the tubes' names; else at the middle of all tubes."""
+    usual = anatomy_named("normal")
+    renamed = {tube.name: f"t{number}" for number, tube in enumerate(usual.tube)}
+    anatomy = replace(
+        usual,
+        tube=[replace(one, name=renamed[one.name]) for one in usual.tube if one.name not in drop],
+        join=[
+            replace(one, tube=renamed[one.tube], to=renamed[one.to])
+            for one in usual.join
+            if not {one.tube, one.to} & set(drop)
+        ],
+        layer=[],
+        touch=[],
+    )
+    anatomy = replace(
+        anatomy,
+        tube=[replace(one, ends=tuple("clamped" if each == "joined" and not any(
+            join.tube == one.name and join.end == end for join in anatomy.join
+        ) else each for end, each in enumerate(one.ends))) for one in anatomy.tube],
+    )  # fmt: skip
+    made = anatomy_network(anatomy)
+    tubes = {name: made.network.tubes[new] for name, new in renamed.items() if name not in drop}
+    target = working_place(made)
+    if "gallbladder" in drop:
+        every = np.concatenate([beam.places for beam in tubes.values()])
+        assert target == pytest.approx(every.mean(axis=0))
+        return
+    neck, junction = tubes["gallbladder"].places[0], tubes["cystic"].places[0]
+    origin = tubes["artery"].places[0] if "artery" in tubes else junction
+    expected = 0.45 * neck + 0.25 * junction + 0.3 * origin + [1.5, 0.0, 0.0]
+    assert target == pytest.approx(expected, abs=1e-9)
 
 
 def test_jaws_close_on_the_nearest_tube(made: AnatomyNetwork) -> None:

@@ -1,7 +1,6 @@
 """What a trainee has in hand: a session of each scene that a page can begin with."""
 
 from collections.abc import Callable
-from functools import partial
 from threading import Lock
 from typing import Literal, NamedTuple, get_args
 
@@ -18,42 +17,59 @@ OLDER_NAMES: dict[str, SceneName] = {"dissect": "bed", "pull": "free"}
 
 
 class Start(NamedTuple):
-    """What a page begins with: words for it, and what makes its specimen of an organ."""
+    """What a page begins with: words for it, and what makes its specimen of what is in hand."""
 
     label: str
     hint: str
-    specimen: Callable[[Organ, Preset | None], Specimen]
+    specimen: Callable[[Organ, Preset | None, Anatomy], Specimen]
 
 
-def usual_anatomy(_: Organ, __: Preset | None) -> Specimen:
-    """Return the usual anatomy of Calot's triangle, whatever duct is in hand."""
-    return Specimen.of_anatomy(anatomy_named("normal"))
+def _anatomy(_: Organ, __: Preset | None, anatomy: Anatomy) -> Specimen:
+    return Specimen.of_anatomy(anatomy)
+
+
+def _in_bed(organ: Organ, preset: Preset | None, _: Anatomy) -> Specimen:
+    return specimen_in_bed(organ, preset, relaxation=True)
+
+
+def _free(organ: Organ, preset: Preset | None, _: Anatomy) -> Specimen:
+    return free_specimen(organ, preset)
 
 
 SCENES: dict[SceneName, Start] = {
     "calot": Start(
         "Calot's triangle",
         "Dissect between gallbladder, cystic duct and common duct, through the scope (M)",
-        usual_anatomy,
+        _anatomy,
     ),
     "bed": Start(
         "A duct in its bed",
         "Free the duct from its bed, before it tears (M)",
-        partial(specimen_in_bed, relaxation=True),
+        _in_bed,
     ),
     "free": Start(
         "A free duct",
         "Pull a duct that no bed holds, and compare theories of it (M)",
-        free_specimen,
+        _free,
     ),
 }
 
 
 class Practice:
-    """A trainee's sessions, each made when it is first asked for; `scene` is shown."""
+    """A trainee's sessions, each made when it is first asked for; `scene` is shown.
 
-    def __init__(self, organ: Organ, preset: Preset | None, scene: SceneName | None = None) -> None:
+    `own_anatomy` is what the trainer was started with, or None for the usual one.
+    """
+
+    def __init__(
+        self,
+        organ: Organ,
+        preset: Preset | None,
+        scene: SceneName | None = None,
+        own_anatomy: Anatomy | None = None,
+    ) -> None:
         self._organ, self._preset = organ, preset
+        self.own_anatomy = own_anatomy
         self.scene: SceneName | None = scene  # None until a page has opened
         self._lock = Lock()
         self._sessions: dict[SceneName, Session] = {}
@@ -68,7 +84,8 @@ class Practice:
                     self._organ, self._preset = chosen.organ, chosen.preset
                     self._sessions = {self.scene: shown}
             if scene not in self._sessions:
-                specimen = SCENES[scene].specimen(self._organ, self._preset)
+                anatomy = self.own_anatomy or anatomy_named("normal")
+                specimen = SCENES[scene].specimen(self._organ, self._preset, anatomy)
                 self._sessions[scene] = Session(specimen)
             return self._sessions[scene]
 

@@ -126,8 +126,10 @@ class ScopePanel:
         scene: SceneName,
         choose_scene: Callable[[SceneName], None],
         choose_anatomy: Callable[[Anatomy], None],
+        own_anatomy: Anatomy | None,
     ) -> None:
         self._state, self._lead, self._show_anatomy = state, lead, choose_anatomy
+        self._own = {} if own_anatomy is None else {f"{own_anatomy.name}, own": own_anatomy}
         self._announced = ""
         gui = self._gui = state.client.gui
         style_panel(gui)
@@ -220,7 +222,10 @@ class ScopePanel:
         ]  # fmt: skip
         if torn:
             rows.append(
-                ("<b>Torn</b>", f"<b>{', '.join(WALLS.get(each, each) for each in torn)}</b>")
+                (
+                    "<b>Torn</b>",
+                    f"<b>{', '.join(WALLS.get(each, each.replace('_', ' ')) for each in torn)}</b>",
+                )
             )
         table = rows_html(rows, "padding:1px 10px 1px 0;opacity:.85", "text-align:right")
         return (
@@ -253,8 +258,12 @@ class ScopePanel:
         gui, anatomy = self._gui, self._state.session.specimen.anatomy
         names = list(shipped_anatomies())
         now = anatomy.name if anatomy is not None and anatomy.name in names else DRAWN
+        now = next((name for name, own in self._own.items() if own == anatomy), now)
         self._anatomy = gui.add_dropdown(
-            "Anatomy", [*names, DRAWN], initial_value=now, hint="Shipped, or drawn by frequencies"
+            "Anatomy",
+            [*self._own, *names, DRAWN],
+            initial_value=now,
+            hint="Your own, shipped, or drawn by frequencies",
         )
         self._seed = gui.add_number(
             "Seed", initial_value=anatomy.seed if now == DRAWN and anatomy is not None else 1,
@@ -267,6 +276,9 @@ class ScopePanel:
         name, seed = self._anatomy.value, number(self._seed.value)
 
         def choose() -> None:
+            if name in self._own:
+                self._show_anatomy(self._own[name])
+                return
             drawn = name not in shipped_anatomies()
             if drawn and not 1 <= seed <= MOST_SEED:
                 raise ValueError(f"a seed is a whole number from 1 to {MOST_SEED:,}")

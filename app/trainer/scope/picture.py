@@ -60,7 +60,7 @@ LOOKS: Mapping[str, Mapping[str, Any]] = {
     },
 }  # fmt: skip
 # The spiral valves show at a cystic duct.
-FOLDED = ("cystic",)
+FOLDED = ("cystic", "cystic_duct")
 # (x, y, z) mm and radius of the duodenum, which nobody touches, in the anatomies' frame.
 DUODENUM = (
     (-4.0, 70.0, -12.0, 10.0), (-2.0, 52.0, -7.0, 11.0), (0.5, 34.0, -4.0, 11.5),

@@ -66,8 +66,21 @@ def floor_under(made: AnatomyNetwork) -> Floor:
 def working_place(made: AnatomyNetwork) -> Floats:
     """(3,) the middle of the hepatocystic triangle, mm: what a scope looks at first."""
     tubes = made.network.tubes
-    neck, cystic = tubes["gallbladder"].places[0], tubes["cystic"].places
-    return 0.45 * neck + 0.25 * cystic[0] + 0.3 * tubes["artery"].places[0] + np.array([1.5, 0, 0])
+    kinds = {tube.name: tube.kind for tube in made.anatomy.tube}
+    # The ends in the gallbladder of the first duct and the first artery that enter it.
+    entering: dict[str, tuple[str, int]] = {}
+    for join in made.anatomy.join:
+        if kinds[join.to] == "organ":
+            entering.setdefault(kinds[join.tube], (join.tube, join.end))
+        elif kinds[join.tube] == "organ" and isinstance(join.at_mm, str):
+            entering.setdefault(kinds[join.to], (join.to, int(join.at_mm == "end")))
+    if "duct" not in entering:
+        return np.concatenate([beam.places for beam in tubes.values()]).mean(axis=0)
+    duct, end = entering["duct"]
+    artery, vessel_end = entering.get("artery", entering["duct"])
+    neck, junction = tubes[duct].places[-end], tubes[duct].places[end - 1]
+    origin = tubes[artery].places[vessel_end - 1]
+    return 0.45 * neck + 0.25 * junction + 0.3 * origin + np.array([1.5, 0.0, 0.0])
 
 
 def strand_table(made: AnatomyNetwork, bed: BeamOnBed) -> Floats:

@@ -20,6 +20,7 @@ from typing import TypeAlias, cast
 import viser
 from websockets.asyncio.server import ServerConnection
 
+from app.anatomy import Anatomy
 from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import FeltSetting, ServoProcess
 from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, RunFile, Session, free_specimen
@@ -93,6 +94,8 @@ class Trainer:
     scene, look
         What a page opens on, if its address does not say `?scene=`; "auto" is the full look,
         and the "plain" one for slow pages.
+    anatomy
+        What the scene of several tubes shows first; the usual one when None.
     replay
         A run that every page opens on, made on this organ; None opens on the page's own duct.
     bounds
@@ -140,6 +143,7 @@ class Trainer:
         port: int,
         scene: SceneName | None = None,
         look: LookChoice = "full",
+        anatomy: Anatomy | None = None,
         replay: RunFile | None = None,
         bounds: Bounds | None = None,
         build_process: BuildProcess | None = None,
@@ -178,7 +182,9 @@ class Trainer:
         self._views_lock = threading.Lock()
         self._making = threading.Lock()
         self._left = threading.Event()  # a page has left since memory was given back
-        self._kept = Sessions(lambda: Practice(organ, preset), most=bounds.most_clients)
+        self._kept = Sessions(
+            lambda: Practice(organ, preset, own_anatomy=anatomy), most=bounds.most_clients
+        )
         self._workers = Workers(
             build_process=build_process or BuildProcess(), export_vertices=export_vertices
         )

@@ -243,7 +243,12 @@ class PageView:
             self._panel = self._make_panel(self.state, scene, self.choose_scene)
         else:
             self._panel = ScopePanel(
-                self.state, self._lead, scene, self.choose_scene, self._show_anatomy
+                self.state,
+                self._lead,
+                scene,
+                self.choose_scene,
+                self._show_anatomy,
+                self._practice.own_anatomy,
             )
         self._panel_stale = True
         self._watch_pace()
