@@ -1,5 +1,6 @@
 """`bluntdissect peel`: a scene of a beam on a bed, without an organ."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,7 @@ from app.command_line.answer import AsJson, answer
 
 if TYPE_CHECKING:
     from physics.bed import History
+    from physics.bed.pull import TubeHistory
 
 __all__ = ["peel", "report_history"]
 
@@ -63,12 +65,14 @@ def report_history(
     result: dict[str, object] = {"steps": rows, "open_share": history.residual_ratio}
     if history.notes:
         result["notes"] = history.notes
+    worst = 0  # step of the highest stress
     if threshold is not None:
         stress = history.stress
         assert stress is not None  # noqa: S101
         result["law"], result["threshold_MPa"] = law, threshold
         result["distance_to_break_percent"] = last["distance_to_break_percent"]
-        result["least_distance_to_break_percent"] = 100.0 * (1.0 - float(stress.max()) / threshold)
+        worst = int(stress.argmax())
+        result["least_distance_to_break_percent"] = 100.0 * (1.0 - float(stress[worst]) / threshold)
     lines: list[tuple[str, str]] = [("steps", str(history.steps))]
     if history.hands.shape[1]:
         size = np.sqrt((history.forces[:, 0] ** 2).sum(axis=1))
@@ -95,12 +99,24 @@ def report_history(
             ("distance to break", f"{result['distance_to_break_percent']:.2f} %"),
             ("threshold", f"{1e3 * threshold:.6g} kPa, {law} law; stresses are nominal"),
             ("least on the way", f"{result['least_distance_to_break_percent']:.2f} %"),
+            ("highest stress", _highest(history, -1, threshold)),
+            ("highest on the way", f"{_highest(history, worst, threshold)}, in step {worst + 1}"),
         ]
     for tube in history.tubes:
         torn = ", ".join(f"torn at {at:.4g} mm in step {step + 1}" for step, at in tube.torn)
-        lines.append((f"tube {tube.name}", torn or f"{tube.freed[-1]:.6g} mm freed"))
+        now = _highest(tube, -1, tube.strength) if tube.strength < math.inf else ""
+        words = torn or f"{tube.freed[-1]:.6g} mm freed{'; ' * bool(now)}{now}"
+        lines.append((f"tube {tube.name}", words))
     lines += [("note", each) for each in history.notes]
     answer(result, lines, as_json=as_json)
+
+
+def _highest(found: "History | TubeHistory", step: int, threshold: float) -> str:
+    """Return where the highest stress is after a step, and its part of the threshold."""
+    assert found.stress is not None  # noqa: S101 (of a wall)
+    assert found.highest_at is not None  # noqa: S101
+    part = 100.0 * float(found.stress[step]) / threshold
+    return f"{part:.2f} % of the threshold, at {float(found.highest_at[step]):.6g} mm"
 
 
 def _words(row: object) -> str:

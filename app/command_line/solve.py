@@ -87,6 +87,9 @@ def solve(
     hold: Annotated[
         float | None, typer.Option(help="Bed: after --lift hold for so many seconds.")
     ] = None,
+    until: Annotated[
+        float | None, typer.Option(help="Bed: end --lift at this distance to break, %.")
+    ] = None,
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
@@ -103,7 +106,7 @@ def solve(
     of_pull |= {"--poisson": poisson, "--shear": shear or None}
     of_pull |= {"--theory": theory != "cubic" or None, "--wall": wall}
     of_pull |= {"--load": load != "across" or None, "--angle": angle, "--pressure": pressure}
-    timed = {"--step-seconds": step_seconds, "--hold": hold}
+    timed = {"--step-seconds": step_seconds, "--hold": hold, "--until": until}
     in_bed.check(of_bed={"-o": output, **timed}, of_pull=of_pull)
     if in_bed.bed is not None:
         _solve_in_bed(
@@ -114,7 +117,7 @@ def solve(
             threshold,
             output,
             (law, stiffening),
-            (step_seconds, hold),
+            (step_seconds, hold, until),
             as_json=as_json,
         )
         return
@@ -266,25 +269,27 @@ def _solve_in_bed(
     threshold: float | None,
     output: Path | None,
     law: tuple[str | None, float | None],
-    times: tuple[float | None, float | None],
+    times: tuple[float | None, float | None, float | None],
     *,
     as_json: bool,
 ) -> None:
     """Pull a duct off its bed and report the history."""
+    import numpy as np
+
     from app.command_line.peel import report_history
-    from app.simulation import bed_named
+    from app.simulation import bed_named, pull_and_hold
     from organ_geometry import check_target
-    from physics.bed import Hand, pull
+    from physics.bed import Hand
     from physics.quantity import positive
 
     path = options.hook_path()
-    steps: int | tuple[int, ...] = options.steps
-    (step, hold), waits = times, 0
-    if hold is not None:
-        if step is None or options.lift is None:
-            raise ValueError("--hold goes with --lift and --step-seconds")
-        waits = math.ceil(positive(hold, "--hold", "s") / positive(step, "--step-seconds", "s"))
-        path, steps = (*path, *path), (options.steps, waits)
+    step, hold, until = times
+    if hold is not None and (step is None or options.lift is None):
+        raise ValueError("--hold goes with --lift and --step-seconds")
+    if until is not None and (options.lift is None or not 0.0 < until < 100.0):
+        raise ValueError("--until goes with --lift and must be above 0 and below 100 %")
+    for name_of, each in (("--step-seconds", step), ("--hold", hold)):
+        _ = each is None or positive(each, name_of, "s")
     if output is not None:
         check_target(output)
     specimen = specimen_from(
@@ -299,16 +304,21 @@ def _solve_in_bed(
     )
     at = 0.5 * specimen.beam.span if options.hook is None else options.hook
     beam = specimen.space_beam(elements=options.elements, nodes_at=[at])
-    hand = Hand(at=at, path=path, steps=steps)
-    strands, wall = specimen.relaxing()
-    history = pull(
+    history = pull_and_hold(
         beam,
         specimen.layer(beam, options.strands),
-        [hand],
-        step_seconds=0.0 if step is None else positive(step, "--step-seconds", "s"),
-        strand_relaxation=strands,
-        wall_relaxation=wall,
+        Hand(at=at, path=path, steps=options.steps),
+        until=None if until is None else (1.0 - 0.01 * until) * specimen.threshold,
+        step_seconds=step,
+        hold_seconds=hold,
+        relaxing=specimen.relaxing(),
     )
-    if specimen.doubt:
-        history = replace(history, notes=(*history.notes, specimen.doubt))
+    notes = [*history.notes, specimen.doubt] if specimen.doubt else [*history.notes]
+    if step is not None and hold is not None:
+        last = history.steps - math.ceil(hold / step) - 1
+        force = float(np.sqrt((history.forces[last, 0] ** 2).sum()))
+        assert history.stress is not None  # noqa: S101 (a duct has a wall)
+        left = 100.0 * (1.0 - float(history.stress[last]) / specimen.threshold)
+        notes.append(f"before the hold: {force:.6g} N, distance to break {left:.2f} %")
+    history = replace(history, notes=tuple(notes))
     report_history(history, specimen.threshold, output, law=specimen.preset.law, as_json=as_json)

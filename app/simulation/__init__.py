@@ -26,6 +26,7 @@ from app.simulation.exercise_table import EXERCISES
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import HAND_SPEED, Grasper, Load
 from app.simulation.hand import Hand
+from app.simulation.held_pull import pull_and_hold
 from app.simulation.inputs import (
     ALL_INSTRUMENTS,
     HOLDING,
@@ -204,6 +205,7 @@ __all__ = [
     "preset_named",
     "preset_toml",
     "presets",
+    "pull_and_hold",
     "read_preset",
     "read_run",
     "read_scene",

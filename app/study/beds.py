@@ -1,9 +1,19 @@
 """Ducts of a study that a hook lifts off their beds, one after the other."""
 
+from typing import Any
+
 import msgspec
 import numpy as np
 
-from app.simulation import ASSUMED_PRESET, THESIS_PRESET, BedPreset, Preset, Specimen, bed_named
+from app.simulation import (
+    ASSUMED_PRESET,
+    THESIS_PRESET,
+    BedPreset,
+    Preset,
+    Specimen,
+    bed_named,
+    pull_and_hold,
+)
 from app.study.ducts import (
     Block,
     Outputs,
@@ -14,7 +24,7 @@ from app.study.inputs import BED
 from app.study.plan import Plan
 from organ_geometry import Organ
 from physics import Exact, NoEquilibrium
-from physics.bed import Bed, Hand, History, SpaceBeam, pull
+from physics.bed import Bed, Hand, History, SpaceBeam
 
 __all__ = ["bed_of", "lift", "solve_beds"]
 
@@ -27,6 +37,9 @@ OUTPUTS = (
     "least_distance_to_break",
     "break_force_N",
     "break_deflection_mm",
+    "last_lift_mm",
+    "last_force_N",
+    "last_distance_to_break",
 )
 
 
@@ -87,16 +100,22 @@ def _lifted(plan: Plan, words: dict[str, str], one: Block) -> dict[str, float]:
         bed_of(bed_named(words.get("bed.name", "normal")), of_bed),
         bed_seed=int(of_bed.get("seed", 1)),
         threshold_MPa=_threshold(preset, organ, numbers),
+        relaxation="step_s" in of_bed,
     )
     at = 0.5 * specimen.beam.span if hook is None else hook
     beam = specimen.space_beam(elements=elements, nodes_at=[at])
     strands = int(of_bed["strands"]) if "strands" in of_bed else None
+    until = of_bed.get("until")
     history = lift(
         beam,
         specimen.layer(beam, strands),
         at=at,
         to=of_bed["lift_mm"],
         steps=int(of_bed.get("steps", STEPS)),
+        until=None if until is None else (1.0 - until) * specimen.threshold,
+        step_seconds=of_bed.get("step_s"),
+        hold_seconds=of_bed.get("hold_s"),
+        relaxing=specimen.relaxing(),
     )
     return _read(history, specimen.threshold)
 
@@ -120,11 +139,13 @@ def _threshold(preset: Preset, organ: Organ | None, numbers: dict[str, float]) -
     return strength_of(preset, organ, Exact(preset.law_in_space)) if given is None else given
 
 
-def lift(beam: SpaceBeam, bed: Bed | None, *, at: float, to: float, steps: int) -> History:
-    """Lift a beam off a bed by a hook at a station, mm, step by step."""
+def lift(
+    beam: SpaceBeam, bed: Bed | None, *, at: float, to: float, steps: int, **held: Any
+) -> History:
+    """Lift a beam off a bed by a hook at a station, mm; `held` is for `pull_and_hold`."""
     hand = Hand(at=at, path=((0.0, 0.0, to),), steps=steps)
     try:
-        return pull(beam, bed, [hand])
+        return pull_and_hold(beam, bed, hand, **held)
     except NoEquilibrium as lost:
         raise ValueError(f"no equilibrium: {lost}") from None
 
@@ -139,6 +160,9 @@ def _read(history: History, strength: float) -> dict[str, float]:
         "freed_mm": float(history.freed[-1]),
         "work_mJ": float(history.work[-1]),
         "least_distance_to_break": 1.0 - float(history.stress.max()) / strength,
+        "last_lift_mm": float(lifts[-1]),
+        "last_force_N": float(forces[-1]),
+        "last_distance_to_break": 1.0 - float(history.stress[-1]) / strength,
     }
     over = np.flatnonzero(history.stress >= strength)
     if over.size:

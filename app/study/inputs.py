@@ -76,6 +76,9 @@ BED_INPUTS: dict[str, Input] = {
     "bed.hook_mm": Input("mm", 1e-3, 1e4),
     "bed.lift_mm": Input("mm", 1e-3, 1e3),
     "bed.steps": Input("", 2, 10_000, whole=True),
+    "bed.step_s": Input("s", 1e-4, 1e4),
+    "bed.hold_s": Input("s", 1e-4, 1e5),
+    "bed.until": Input("", 0.001, 0.999),
     "bed.elements": Input("", 8, 2000, whole=True),
     "bed.strands": Input("", 8, 20_000, whole=True),
 }

@@ -381,6 +381,8 @@ def _check_whole(plan: Plan, lines: _Lines) -> None:
                 )
         if "bed.lift_mm" not in given:
             raise lines.wrong("bed.lift_mm", "is missing: how far the hook is lifted, mm")
+        if "bed.hold_s" in given and "bed.step_s" not in given:
+            raise lines.wrong("bed.hold_s", "goes with bed.step_s, the time that a step takes, s")
 
 
 def _check_files(plan: Plan, lines: _Lines) -> None:

@@ -129,6 +129,7 @@ class TubeHistory:
     name: str
     freed: Floats  # (T,) length whose strands have parted, mm
     stress: Floats | None  # (T,) largest normal plus bending stress, MPa; None without a wall
+    highest_at: Floats | None  # (T,) where that is, mm from its first end
     strength: float  # nominal stress at which it tears, MPa; infinite where it does not
     torn: tuple[tuple[int, float], ...]  # steps, from 0, after which it tore, and where, mm
 
@@ -138,6 +139,8 @@ class TubeHistory:
         if self.stress is not None:
             stress = float(self.stress[step])
             out["stress_MPa"] = stress
+            if self.highest_at is not None:
+                out["highest_at_mm"] = float(self.highest_at[step])
             if self.strength < np.inf:
                 out["distance_to_break_percent"] = 100.0 * (1.0 - stress / self.strength)
         out["torn_at_mm"] = [at for when, at in self.torn if when <= step]
@@ -158,8 +161,10 @@ class History:
     stored: Floats
     dissipated: Floats
     snap: Floats
-    # (T,) largest normal plus bending stress of the wall, MPa; None without a wall
+    # (T,) largest normal plus bending stress of the wall, MPa, and where that is, mm from the first
+    # clamp; None without a wall
     stress: Floats | None
+    highest_at: Floats | None
     shape: Floats  # (N, 3) the nodes after the last step, mm
     damage: Floats  # (S,) of the strands after the last step, 0 to 1
     rounding: float  # work that rounding may do along the way, mJ
@@ -207,6 +212,8 @@ class History:
                 row["rods_N"] = [_triple(force) for force in self.rods[t]]
             if self.stress is not None:
                 row["stress_MPa"] = float(self.stress[t])
+                if self.highest_at is not None:
+                    row["highest_at_mm"] = float(self.highest_at[t])
                 if threshold is not None:
                     row["distance_to_break_percent"] = 100.0 * (
                         1.0 - float(self.stress[t]) / threshold
@@ -230,7 +237,8 @@ class History:
             head += [f"rod_{m + 1}_{axis}_N" for axis in "xyz"]
         head += ["freed_mm", "strands_broken", "work_mJ", "stored_mJ", "dissipated_mJ", "snap_mJ"]
         if self.stress is not None:
-            head += ["stress_MPa"] + ["distance_to_break_percent"] * (threshold is not None)
+            head += ["stress_MPa", "highest_at_mm"]
+            head += ["distance_to_break_percent"] * (threshold is not None)
         if self.times is not None:
             head += ["time_s", "viscous_mJ"]
         for tube in self.tubes:
@@ -248,6 +256,7 @@ class History:
             line += [_cell(b[t]) for b in (self.work, self.stored, self.dissipated, self.snap)]
             if self.stress is not None:
                 line.append(_cell(self.stress[t]))
+                line.append(_cell(np.nan if self.highest_at is None else self.highest_at[t]))
                 if threshold is not None:
                     line.append(_cell(100.0 * (1.0 - self.stress[t] / threshold)))
             if self.times is not None and self.viscous is not None:
@@ -342,7 +351,8 @@ def pull(
     shape = (total, len(hands), 3)
     at, force = np.full(shape, np.nan), np.full(shape, np.nan)
     pushed = np.zeros((total, len(rods), 3))
-    stress = None if isinstance(beam, Network) or beam.wall is None else np.empty(total)
+    walled = not isinstance(beam, Network) and beam.wall is not None
+    worst = np.empty((total, 2)) if walled else None
     energy = np.empty((total, 6))
     freed, broken = np.empty(total), np.empty(total, dtype=np.int64)
     for t in range(total):
@@ -383,8 +393,9 @@ def pull(
         freed[t], broken[t] = held.freed, held.broken
         now = held.energy
         energy[t] = now.work, now.stored, now.dissipated, now.snap, now.residual, now.viscous
-        if stress is not None:
-            stress[t] = held.worst_stress().total
+        if worst is not None:
+            highest = held.worst_stress()
+            worst[t] = highest.total, highest.station
         for tube in tubes:
             tube.add(held, t)
         if watch is not None and watch(held):
@@ -402,7 +413,8 @@ def pull(
         energy[:total, 1],
         energy[:total, 2],
         energy[:total, 3],
-        None if stress is None else stress[:total],
+        None if worst is None else worst[:total, 0],
+        None if worst is None else worst[:total, 1],
         held.places.copy(),
         held.damage,
         held.rounding * far,
@@ -413,7 +425,7 @@ def pull(
             if hand.by == "force" and 0.0 < np.abs(path).max() <= held.rounding
         ),
         tuple(tube.history() for tube in tubes),
-        step_seconds * np.arange(1, total + 1) if relaxes else None,
+        step_seconds * np.arange(1.0, total + 1.0, dtype=np.float64) if relaxes else None,
         energy[:total, 5] if relaxes else None,
     )
 
@@ -428,7 +440,7 @@ class _TubeRecord:
         if self.strength < np.inf and not self._walled:
             raise ValueError(f"tube {name!r} has no wall that could tear")
         self._freed: list[float] = []
-        self._stress: list[float] = []
+        self._worst: list[tuple[float, float]] = []
         self._torn: list[tuple[int, float]] = []
         self._elements: list[int] = []
 
@@ -438,7 +450,7 @@ class _TubeRecord:
         if not self._walled:
             return
         worst = held.worst_stress(self.name)
-        self._stress.append(worst.total)
+        self._worst.append((worst.total, worst.station))
         element = held.element_at(worst.station, self.name)
         near = any(abs(element - torn) < APART for torn in self._elements)
         if worst.total > self.strength and not near:
@@ -447,9 +459,9 @@ class _TubeRecord:
 
     def history(self) -> TubeHistory:
         """Return all that was taken down."""
-        stress = np.array(self._stress) if self._walled else None
+        stress, at = np.array(self._worst).reshape(-1, 2).T if self._walled else (None, None)
         torn = tuple(self._torn)
-        return TubeHistory(self.name, np.array(self._freed), stress, self.strength, torn)
+        return TubeHistory(self.name, np.array(self._freed), stress, at, self.strength, torn)
 
 
 def _tissue(

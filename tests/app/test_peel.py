@@ -347,6 +347,8 @@ def test_a_network_of_the_docs_is_pulled_and_a_tube_of_it_tears(tmp_path: Path) 
     assert last["duct"]["torn_at_mm"] == []
     assert "distance_to_break_percent" not in last["duct"]
     assert last["branch"]["freed_mm"] > 0.0
+    # It tears where its stress is highest.
+    assert torn[first] == [rows[first]["tubes"]["branch"]["highest_at_mm"]]
     with table.open() as lines:
         written = list(csv.DictReader(lines))
     assert [int(line["branch_tears"]) for line in written] == [len(each) for each in torn]

@@ -124,11 +124,29 @@ def test_a_duct_that_is_held_in_its_bed_comes_back_from_its_break() -> None:
     assert len(held["steps"]) == 30
     left = [step["distance_to_break_percent"] for step in held["steps"][9:]]
     assert all(b > a for a, b in pairwise(left))
+    before = re.search(r"before the hold: \S+ N, distance to break (\S+) %", held["notes"][-1])
+    assert before is not None
+    assert float(before[1]) == pytest.approx(left[0], abs=0.005)
     for wrong, said in (
         (("--hold", 10), "--hold goes with --lift and --step-seconds"),
+        (("--until", 100), "--until goes with --lift and must be above 0 and below 100 %"),
         (("--step-seconds", -1), "--step-seconds must be above 0 s"),
     ):
         assert said in refused(["solve", *path, *wrong])
+
+
+def test_a_lift_ends_at_a_distance_to_break_and_is_held_there() -> None:
+    """The table of theory.md: a wait of 10 s, here in a coarser bed."""
+    of_bed = ["--bed", "firm", "--preset", "thesis-bile-duct", "--elements", 24, "--strands", 200]
+    lift = ["--lift", 30, "--steps", 150, "--until", 40, "--step-seconds", 0.1, "--hold", 10]
+    steps = json.loads(run("solve", *of_bed, *lift, "--json").stdout)["steps"]
+    left = [step["distance_to_break_percent"] for step in steps]
+    lifted = len(steps) - 100
+    assert left[lifted - 1] == pytest.approx(40.0, abs=0.01)
+    assert steps[lifted]["hand_mm"] == steps[-1]["hand_mm"] == steps[lifted - 1]["hand_mm"]
+    assert left[-1] == pytest.approx(45.9, abs=1.0)
+    highest = [step["highest_at_mm"] for step in steps]
+    assert highest[-1] == pytest.approx(25.4, abs=0.5)  # at the hook
 
 
 def bits(session: Session) -> bytes:

@@ -320,6 +320,25 @@ def test_beds_and_organs_are_varied_too(tmp_path: Path) -> None:
     assert run("study", "report", tmp_path / "bed").returncode == 0
 
 
+def test_ducts_are_lifted_to_a_distance_to_break_and_held_while_they_relax(tmp_path: Path) -> None:
+    plan = tmp_path / "plan.toml"
+    text = (
+        "[bed]\nlift_mm = 20\nuntil = 0.5\nsteps = 40\nelements = 16\nstrands = 60\nstep_s = 0.2\n"
+        "[inputs.bed.hold_s]\ngrid = [0.2, 10.0]\n"
+    )
+    plan.write_text(text)
+    assert run("study", plan, "-o", tmp_path / "bed", "--workers", 1).returncode == 0
+    table = pq.read_table(tmp_path / "bed" / "results.parquet").to_pydict()
+    assert table["fault"] == [None, None]
+    assert table["least_distance_to_break"] == pytest.approx([0.5, 0.5], abs=1e-3)
+    (short, long), (soon, late) = table["last_force_N"], table["last_distance_to_break"]
+    assert long < 0.96 * short
+    assert late > soon + 0.01
+    assert table["last_lift_mm"][0] == table["last_lift_mm"][1] < 20.0
+    plan.write_text(text.replace("step_s = 0.2\n", ""))
+    assert "bed.hold_s goes with bed.step_s" in refused(["study", plan, "-o", tmp_path / "none"])
+
+
 def test_an_organ_is_set_up_once_for_all_that_are_alike(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
