@@ -25,6 +25,7 @@ from app.trainer.panel.dialog import dialog
 from app.trainer.panel.exercise_tab import ExerciseTab
 from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, style_panel
 from app.trainer.panel.help import Key, first_minute
+from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.readout import HANDS
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import show_result
@@ -54,6 +55,7 @@ STEP = 0.5
 """mm that a key moves a tip by."""
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
+PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
 YOU_HOLD = "You hold the scope. V gives it back to the assistant."
 PART = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
 HOW: Mapping[Instrument, str] = {
@@ -163,6 +165,8 @@ class ScopePanel:
         self._scope = Choice(gui, "Scope", SCOPES, lambda _: lead.change_scope())
         self._held = gui.add_html("")
         self._add_anatomies()
+        self._plain = gui.add_checkbox(SIMPLE_PICTURE, initial_value=self._state.plain, hint=PLAIN)
+        on_input(self._plain, lambda value: self._state.show(plain=value is True))
         reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, hint="All whole again (R)")
         on_click(reset, lead.reset)
 
@@ -181,6 +185,7 @@ class ScopePanel:
         words = "The assistant holds the scope." if lead.held.assisted else YOU_HOLD
         set_if_changed(self._held, content=note(words, "scope"))
         set_if_changed(self._readout, content=self._figures(reading))
+        set_if_changed(self._plain, value=state.plain)
         self._exercises.show()
         self._replay.show()
         words = self._standing(reading)

@@ -378,7 +378,7 @@ class PageView:
         """Suggest the simple picture to a page that draws in software; "auto" switches to it."""
         if self._look == "plain":
             return
-        where = f"{SIMPLE_PICTURE!r} in the Model tab"
+        where = f"{SIMPLE_PICTURE!r} in the {'Model' if self._lead is None else 'Train'} tab"
         remedy = f"A simpler picture helps: {where}, or start with --look plain."
         command: viser.CommandHandle | None = None
         if self._look == "auto":
