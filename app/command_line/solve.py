@@ -153,7 +153,7 @@ def solve(
         "--wall": wall,
     }
     given = [name for name, value in round_beam.items() if value is not None]
-    section, strength = "a full round bar", None
+    section, strength, doubt = "a full round bar", None, ""
     if preset is not None or organ is not None:
         if given:
             brings = "--preset" if preset is not None else "--organ"
@@ -161,7 +161,7 @@ def solve(
         specimen = specimen_from(preset, organ, theory=chosen, threshold_MPa=threshold)
         beam, section, limit = specimen.beam, specimen.section, specimen.threshold
         strength = specimen.preset.strength if threshold is None else None
-        preset = specimen.preset.name
+        preset, doubt = specimen.preset.name, specimen.doubt
     else:
         if span is None or diameter is None or modulus is None:
             raise ValueError(
@@ -224,6 +224,7 @@ def solve(
         "distance_to_break": None if limit is None else check.distance_to_break,
         "breaks_at_N": None if event is None else event.force,
         **chosen.options,
+        **({"notes": [doubt]} if doubt else {}),
     }
     side = {1: ", on the side of the pull", -1: ", on the side away from the pull", 0: ""}
     lines = [
@@ -258,6 +259,8 @@ def solve(
                 "no force it can be pulled with" if event is None else f"{event.force:.6g} N",
             ),
         ]
+    if doubt:
+        lines.append(("note", doubt))
     answer(result, lines, as_json=as_json)
 
 

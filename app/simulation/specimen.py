@@ -11,7 +11,7 @@ from app.simulation.preset import Preset, RoundBeam
 from app.simulation.relaxation_preset import relaxation_named
 from app.simulation.tubes import Tubes, tube_organ, tube_preset
 from organ_geometry import Organ
-from physics import Beam, Exact, Theory
+from physics import Beam, Exact, Linear, Theory
 from physics.bed import BeamOnBed, Bed, Network, Relaxation, SpaceBeam, Strands
 from physics.quantity import positive
 
@@ -150,7 +150,9 @@ class Specimen:
     @property
     def doubt(self) -> str:
         """Why its law is not good up to its strength, or nothing."""
-        if self.preset.law != "linear" or self.organ is None:
+        solved = self.solved_by
+        linear = isinstance(solved, Exact) and solved.law == Linear(shear=True)
+        if not linear or self.organ is None:
             return ""
         most = LINEAR_UP_TO * self.beam.modulus
         if self.threshold <= most:

@@ -320,6 +320,9 @@ def test_solve_in_a_bed_takes_a_law_and_says_where_the_linear_one_is_not_good() 
     assert json.loads(run(*own).stdout) == fitting
     assert "93.08 kPa, below the threshold" in linear["notes"][-1]
     assert "notes" not in fitting
+    free = "solve", "--preset", "assumed-duct", "--theory", "exact", "--force", 0.1, "--json"
+    assert "93.08 kPa, below the threshold" in json.loads(run(*free, "--shear").stdout)["notes"][0]
+    assert "notes" not in json.loads(run(*free).stdout)
     assert linear["law"] == "linear"
     stiff = json.loads(run(*own, "--law", "exponential", "--stiffening", 8).stdout)
     found = [each["distance_to_break_percent"] for each in (linear, fitting, stiff)]
