@@ -2,7 +2,8 @@
 
 Run from the root of the repository: ``make bench``, or ``python -m benchmarks``; with names of
 parts, as ``python -m benchmarks geometry``, only these. ``python -m benchmarks cheats`` looks for
-policies that pass exercises with errors, ``--seconds`` in each; it is done when named only.
+policies that pass exercises with errors, ``--seconds`` in each, and ``faults`` measures how well
+errors are found, in half an hour; both are done when named only.
 """
 
 import argparse
@@ -28,6 +29,7 @@ from benchmarks.duct import DUCT, FORCE
 from benchmarks.engine import Engine
 from benchmarks.evidence import measure_evidence
 from benchmarks.exact_beam import exact_engines
+from benchmarks.faults import measure_faults
 from benchmarks.geometry import measure_geometry, plain_table
 from benchmarks.haptic_servo import measure_haptics
 from benchmarks.peers import peer_engines
@@ -162,10 +164,14 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
 def main() -> None:
     """Measure, print, and write the figures."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)}, cheats")
+    names = ", ".join((*PARTS, "cheats", "faults"))
+    parser.add_argument("parts", nargs="*", metavar="PART", help=names)
     parser.add_argument("--seconds", type=float, default=600.0, help="of cheats, each exercise")
     given = parser.parse_args()
-    parts = PARTS | {"cheats": partial(measure_cheats, seconds=given.seconds)}
+    parts = PARTS | {
+        "cheats": partial(measure_cheats, seconds=given.seconds),
+        "faults": measure_faults,
+    }
     unknown = [name for name in given.parts if name not in parts]
     if unknown:
         parser.error(f"there are {', '.join(parts)}, not {', '.join(unknown)}")

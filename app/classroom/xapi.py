@@ -8,14 +8,14 @@ passed is the result, and the measures are extensions of it.
 import hashlib
 import uuid
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from typing import Any, Literal
 
 import msgspec
 
 from app.classroom.course import Course
 from app.classroom.progress import LevelStanding
-from app.classroom.store import RunRecord, Statement, now
+from app.classroom.store import RunRecord, Statement
 from app.simulation import ERROR_CLASSES, METRICS, Incident, renamed_metrics
 
 __all__ = ["BASE", "VERSIONS", "Version", "pseudonym", "run_statements", "voiding"]
@@ -175,7 +175,7 @@ def voiding(class_id: str, version: Version, statement_id: str) -> Statement:
         "actor": {"objectType": "Agent", "account": {"homePage": home, "name": "class"}},
         "verb": _adl("voided"),
         "object": {"objectType": "StatementRef", "id": statement_id},
-        "timestamp": now(),
+        "timestamp": _time(datetime.now(UTC), 0.0),
         "version": version,
     }
     return Statement(made["id"], None, msgspec.json.encode(made))
@@ -199,4 +199,6 @@ def _duration(seconds: float) -> str:
 
 
 def _time(began: datetime, seconds: float) -> str:
-    return (began + timedelta(seconds=seconds)).isoformat(timespec="milliseconds")
+    """Return a time in UTC, as a store keeps it, some seconds after another."""
+    at = (began + timedelta(seconds=seconds)).astimezone(UTC)
+    return f"{at.replace(tzinfo=None).isoformat(timespec='milliseconds')}Z"

@@ -4,7 +4,6 @@ import re
 import sys
 from pathlib import Path
 
-from faults import FAULTS
 from simulated import phantom
 
 from app.simulation import (
@@ -18,6 +17,7 @@ from app.simulation import (
     default_preset,
 )
 from app.simulation.errors import CLOSED_AFTER
+from benchmarks.faults import FAULTS
 
 HEAD = """\
 # Errors
@@ -63,7 +63,7 @@ and of leaning are found at a duct in one bed only.
 TAIL = """
 ## How well they are found
 
-Scripted faults (`tests/app/faults.py`) are {faults} ways to do an exercise wrongly, at three
+Scripted faults (`benchmarks/faults.py`) are {faults} ways to do an exercise wrongly, at three
 speeds each, in beds 41 and 42 of *loose*, *normal*, *firm* and *inflamed* tissue. No parameter was
 set by these beds.
 

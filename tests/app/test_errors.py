@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from errors_page import page
-from faults import FAULTS, Fault, done, exercises, good
 from program import run
 
 from app.anatomy import anatomy_named
@@ -25,6 +24,7 @@ from app.simulation import (
 )
 from app.simulation.attempt import Attempt
 from app.simulation.errors import CLOSED_AFTER, Conditions, Incidents
+from benchmarks.faults import FAULTS, Fault, done, exercises, good
 
 BEDS = ("normal", "loose", "firm", "inflamed")
 TISSUE = Conditions(1.5, 4.0, 4.445, 0.5, 36)

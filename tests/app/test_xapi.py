@@ -9,7 +9,9 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
+from string import Formatter
 
 import msgspec
 import pytest
@@ -32,9 +34,11 @@ from app.classroom.xapi_sender import (
     disconnect,
     voided_by,
 )
+from app.simulation import ERROR_CLASSES, Incident
 
 HERE = Path(__file__).parent
 KILLS = 4
+CONSEQUENCES = ("none", "near miss", "minor", "injury")
 
 
 @pytest.fixture(autouse=True)
@@ -108,6 +112,66 @@ def test_every_kind_of_statement_is_valid_to_learning_locker(
     spoilt["result"]["duration"], spoilt["timestamp"] = "19 s", "yesterday"
     all_of_them = [*(json.loads(each.content) for each in found), spoilt]
     assert statement_faults(all_of_them, tmp_path / "statements.json") == [0] * len(found) + [2]
+
+
+def told(words: str, rng: random.Random) -> dict[str, float | str]:
+    """Values for the fields of an error's sentence."""
+    fields = [(name, spec) for _, name, spec, _ in Formatter().parse(words) if name and name != "t"]
+    return {name: rng.uniform(0, 99) if spec else "artery" for name, spec in fields}
+
+
+def random_run(person: str, number: int, rng: random.Random) -> RunRecord:
+    """A try with any errors, of any outcome, at any time in any zone."""
+    zone = timezone(timedelta(minutes=15 * rng.randint(-48, 56)))
+    seconds = rng.choice([0.03, 1.0, 19.033333, 3600.0])
+    incidents: list[Incident] = []
+    for each in rng.sample(list(ERROR_CLASSES.values()), rng.randint(0, 8)):
+        start = rng.uniform(0.0, seconds)
+        incidents += [
+            Incident(
+                each.key, start, start + rng.random(), rng.choice([None, 0, 1]), rng.randint(0, 4),
+                rng.choice([None, rng.uniform(0.0, 90.0)]), rng.choice(CONSEQUENCES),
+                told(each.happened + each.instead, rng),
+            )
+        ] * rng.choice([1, 1, 1, 60])  # fmt: skip
+    base = record(person, run_id=f"{number}", passed=rng.choice([True, False, None]))
+    measures = msgspec.json.decode(base.measures) | {"time_s": seconds}
+    for key in rng.sample(sorted(measures.keys() - {"time_s", "tear"}), 6):
+        measures[key] = rng.choice([None, 0, 1e-12, -1.5, 1e9])
+    began = datetime(2026, 1, 1, tzinfo=zone) + timedelta(seconds=rng.randint(0, 3 * 10**7))
+    return replace(
+        base, title=rng.choice(["Open a window", "Öffnen <b>", "窓", "a" * 60]),
+        reason=rng.choice(["", "Too far.", "Zu weit: 3 % «mehr»", "🙂"]),
+        level=rng.choice([None, "approach", "window", "front"]), seed=rng.choice([None, 7]),
+        incidents=msgspec.json.encode(incidents).decode(),
+        measures=msgspec.json.encode(measures).decode(),
+        started_at=began.isoformat(timespec="seconds"),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "runs", [60, pytest.param(1000, marks=pytest.mark.long)], ids=["few", "many"]
+)
+def test_statements_of_random_runs_are_valid_and_each_has_its_own_id(
+    store: ClassStore, tmp_path: Path, runs: int
+) -> None:
+    store.course = default_course()
+    book, rng = ClassCourse(store), random.Random(31)
+    to(store)
+    people = [store.name_person(f"browser {number}", name).id for number, name in enumerate("ABC")]
+    found: list[Statement] = []
+    for number in range(runs):
+        run = random_run(people[number % 3], number, rng)
+        found += class_statements(store, book, run)
+        if number % 50 == 0:  # so that some are mastered
+            store.save(run)
+    assert len({each.id for each in found if b"/mastered" not in each.content}) > runs / 2
+    repeated = [each.id for each in found if b"verbs/mastered" not in each.content]
+    assert len(repeated) == len(set(repeated))
+    faults = statement_faults(
+        [json.loads(each.content) for each in found], tmp_path / "statements.json"
+    )
+    assert faults == [0] * len(found)
 
 
 @pytest.mark.parametrize("version", VERSIONS)

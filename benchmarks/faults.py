@@ -1,23 +1,24 @@
 """Scripted faults at a duct in its bed, and good hands that tremble: what the errors are held to.
 
 A fault is a way to do an exercise wrongly, at one of three speeds, with the classes of which at
-least one must be found. `python tests/app/faults.py [WORD ...]` does those with a word in their
-name and prints who passes and what is found; --beds and --seeds choose where.
+least one must be found.
 """
 
-import argparse
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import islice
+from itertools import islice, product
+from typing import Any
 
 import msgspec
 import numpy as np
-from simulated import phantom
+from rich.console import Console
 
+from app.command_line.load import shipped_organ
 from app.simulation import (
+    ERROR_CLASSES,
     FEW,
     JAW_RADIUS,
     MANNERS,
@@ -33,6 +34,13 @@ from app.simulation import (
     specimen_in_bed,
 )
 from app.simulation.scripted_hands import Follow, Spread
+
+__all__ = ["FAULTS", "Fault", "done", "exercises", "good", "measure_faults"]
+
+BEDS, SEEDS, TREMOR = ("normal", "firm"), (71, 72), 0.15
+GOOD_BEDS, GOOD_SEEDS = ("loose", "normal", "firm", "inflamed"), range(71, 76)
+GOOD_TREMORS = (0.15, 0.3)
+"""Where `measure_faults` looks, and the hands' tremor, mm."""
 
 Floats = np.ndarray
 Make = Callable[["Hands", Exercise, float], Iterator[None]]
@@ -414,17 +422,17 @@ FAULTS = (
 
 @cache
 def hands_in(bed: str) -> Hands:
-    return Hands(specimen_in_bed(phantom(), bed=bed_named(bed)), vertices=FEW)
+    return Hands(specimen_in_bed(shipped_organ(), bed=bed_named(bed)), vertices=FEW)
 
 
 @cache
 def exercises(bed: str) -> dict[str, Exercise]:
-    """The exercises of a bed, by name."""
+    """Return the exercises of a bed, by name."""
     return {each.name: each for each in exercises_offered(hands_in(bed))}
 
 
 def in_bed(exercise: Exercise, seed: int) -> Exercise:
-    """An exercise in a bed of another seed."""
+    """Return an exercise in a bed of another seed."""
     assert exercise.opening is not None
     opening = msgspec.structs.replace(exercise.opening, bed_seed=seed)
     return msgspec.structs.replace(exercise, opening=opening)
@@ -470,50 +478,53 @@ def good(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         yield from opened(hands, 40.0, 2.0 * technique.speed)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("words", nargs="*")
-    parser.add_argument("--beds", nargs="*", default=["normal"])
-    parser.add_argument("--seeds", nargs=2, type=int, default=[1, 2])
-    parser.add_argument("--tremor", type=float, nargs="*", default=[0.0])
-    parser.add_argument("--good", action="store_true")
-    wanted = parser.parse_args()
-    seeds = range(wanted.seeds[0], wanted.seeds[1] + 1)
-    for tremor in wanted.tremor:
-        right = total = 0
-        for bed in wanted.beds:
+def measure_faults(console: Console) -> dict[str, Any]:
+    """Print and return how well each class is found, and what good hands are accused of."""
+    # Of a fault that is meant to show one class: where it may show several, the first that fails
+    # the exercise ends it.
+    meant, found = Counter[str](), Counter[str]()
+    runs = right = passed = 0
+    with console.status("Faults ..."):
+        for bed, seed in product(BEDS, SEEDS):
+            offered = exercises(bed)
+            for each in FAULTS:
+                for speed in each.speeds:
+                    end, incidents = done(offered[each.exercise], seed, each.make, speed, TREMOR)
+                    errors = {one.error for one in incidents}
+                    runs, right = runs + 1, right + bool(each.named & errors)
+                    passed += end.passed
+                    if len(each.named) == 1:
+                        meant.update(each.named)
+                        found.update(each.named & errors)
+                    if not each.named & errors or end.passed:
+                        console.print(
+                            f"  {each.name}, {speed:g}, {bed} {seed}: "
+                            f"{'passed' if end.passed else 'not named'}, {sorted(errors)}",
+                            highlight=False,
+                        )
+    console.print(f"Faults: {runs} runs, {right} named, {passed} passed", highlight=False)
+    good_runs, accused = Counter[float](), Counter[tuple[str, float]]()
+    good_passed = Counter[float]()
+    with console.status("Good hands ..."):
+        for tremor, bed, seed in product(GOOD_TREMORS, GOOD_BEDS, GOOD_SEEDS):
             for exercise in exercises(bed).values():
-                if wanted.good:
-                    ends = [done(exercise, seed, good, 1.0, tremor) for seed in seeds]
-                    found = Counter(each.error for _, all_ in ends for each in all_)
-                    passed = sum(end.passed for end, _ in ends)
-                    why = Counter(end.reason for end, _ in ends if not end.passed)
-                    print(
-                        f"good {bed:9} {exercise.name:13} tremor {tremor:4}: "
-                        f"{passed}/{len(ends)} pass, {found.total() / len(ends):.2f} a run",
-                        dict(found), *why, flush=True,
-                    )  # fmt: skip
-                    continue
-                for each in FAULTS:
-                    if each.exercise != exercise.name or not all(
-                        word in each.name for word in wanted.words
-                    ):
-                        continue
-                    for speed in each.speeds:
-                        for seed in seeds:
-                            end, all_ = done(exercise, seed, each.make, speed, tremor)
-                            errors = Counter(i.error for i in all_)
-                            hit = bool(each.named & set(errors))
-                            passed = end.passed
-                            right, total = right + hit, total + 1
-                            mark = ("" if hit else "NOT NAMED ") + ("PASSED" if passed else "")
-                            print(
-                                f"{bed:8} {seed:2} {each.exercise:12} {each.name:22} {speed:6g} "
-                                f"{mark:16}", dict(errors), end.reason, flush=True,
-                            )  # fmt: skip
-        if not wanted.good:
-            print(f"tremor {tremor}: named {right} of {total}")
-
-
-if __name__ == "__main__":
-    main()
+                end, incidents = done(exercise, seed, good, 1.0, tremor)
+                good_runs[tremor] += 1
+                good_passed[tremor] += end.passed
+                accused.update((error, tremor) for error in {one.error for one in incidents})
+    for tremor in GOOD_TREMORS:
+        console.print(
+            f"Good hands, tremor {tremor} mm: {good_runs[tremor]} runs, {good_passed[tremor]} pass",
+            highlight=False,
+        )
+    figures: dict[str, Any] = {}
+    there = {*meant, *(error for error, _ in accused)}
+    for error in (each for each in ERROR_CLASSES if each in there):
+        without = {str(t): good_runs[t] - accused[error, t] for t in GOOD_TREMORS}
+        figures[error] = {"meant": meant[error], "found": found[error], "without": without}
+        clean = ", ".join(f"{without[str(t)]} of {good_runs[t]} at {t} mm" for t in GOOD_TREMORS)
+        console.print(
+            f"  {error}: found in {found[error]} of {meant[error]}; good hands without it {clean}",
+            highlight=False,
+        )
+    return {"runs": runs, "named": right, "passed": passed, "classes": figures}
