@@ -1,10 +1,12 @@
 """Files of a user's: read whole unless far larger than such a file is, and decoded in words."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
+import msgspec.inspect
 
 __all__ = ["decoded", "read_bounded"]
 
@@ -36,4 +38,38 @@ def decoded(
     except UnicodeDecodeError:
         raise error(f"{wrong}: it is not text") from None
     except (msgspec.MsgspecError, RecursionError) as fault:  # nested without end
-        raise error(f"{wrong}: {fault}") from None
+        raise error(f"{wrong}: {_explained(str(fault), kind)}") from None
+
+
+def _explained(fault: str, kind: type) -> str:
+    """Return a fault with the names or values that would be right there, if there is a list."""
+    where = re.search(r"at `\$(.*?)`$", fault)
+    if not fault.startswith(("Object contains unknown field", "Invalid enum value")):
+        return fault
+    there = _types_at(msgspec.inspect.type_info(kind), where[1] if where else "")
+    if fault.startswith("Object"):
+        right = [field.encode_name for each in there for field in getattr(each, "fields", ())]
+    else:
+        right = [str(value) for each in there for value in getattr(each, "values", ())]
+    said, at, path = fault.partition(" - at `")
+    return f"{said} (there are {', '.join(right)}){at}{path}" if right else fault
+
+
+def _types_at(there: Any, path: str) -> list[Any]:
+    """Return the types that may stand at a path of msgspec's, as `.hand[0].at_mm`."""
+    found = _apart(there)
+    for step in re.findall(r"\.[^.\[]+|\[", path):
+        inner: list[Any] = []
+        for each in found:
+            if step == "[":
+                inner += [getattr(each, "item_type", None), *getattr(each, "item_types", ())[:1]]
+            else:
+                fields = getattr(each, "fields", ())
+                inner += [field.type for field in fields if field.encode_name == step[1:]]
+        found = [part for each in inner for part in _apart(each)]
+    return found
+
+
+def _apart(there: Any) -> list[Any]:
+    """Return a type, or the types of a union."""
+    return list(there.types) if isinstance(there, msgspec.inspect.UnionType) else [there]

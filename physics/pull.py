@@ -41,6 +41,12 @@ class Pull(ABC):
         self.force = 0.0
         self.deflection = 0.0
 
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__}(grasp={self.grasp:g} mm, force={self.force:g} N, "
+            f"deflection={self.deflection:g} mm)"
+        )
+
     @abstractmethod
     def to_force(self, force: float) -> Self:
         """Find the equilibrium under a whole force of the grasper, N."""

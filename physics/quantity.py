@@ -10,7 +10,7 @@ __all__ = ["finite", "positive", "stations_on"]
 
 def finite(value: float, name: str, unit: str) -> float:
     """Return the value as a float if it is a finite number."""
-    number = float(value)
+    number = _number(value, name, unit)
     if not math.isfinite(number):
         raise ValueError(f"{name} must be a finite number of {unit}, got {number}")
     return number
@@ -18,10 +18,17 @@ def finite(value: float, name: str, unit: str) -> float:
 
 def positive(value: float, name: str, unit: str) -> float:
     """Return the value as a float if it is finite and above zero."""
-    number = float(value)
+    number = _number(value, name, unit)
     if not (math.isfinite(number) and number > 0.0):
         raise ValueError(f"{name} must be above 0 {unit}, got {number} {unit}")
     return number
+
+
+def _number(value: float, name: str, unit: str) -> float:
+    """Return the value as a float; text is none, whatever it says."""
+    if isinstance(value, str | bytes):
+        raise ValueError(f"{name} must be a number of {unit}, got the text {value!r}")
+    return float(value)
 
 
 def stations_on(span: float, stations: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -100,7 +100,7 @@ def test_the_cause_is_the_first_of_the_table_in_the_last_second() -> None:
     cause = incidents.cause()
     assert cause is not None
     assert cause.error == "ahead_of_front"
-    assert cause.sentence.startswith("At 2.0 s you took hold at 12 mm, 9 mm ahead of where")
+    assert cause.sentence.startswith("At 2.0 s you took hold at 12 mm, 9 mm ahead of the free")
     assert cause.sentence.endswith("Take hold at the front, at 21 mm.")
     incidents.tick = 91
     assert incidents.cause() is None

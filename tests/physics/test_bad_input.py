@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from physics import THEORIES, Beam, Cubic, check_rupture, theory_named
+from physics import THEORIES, Beam, Cubic, Exact, check_rupture, theory_named
 
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
 MIDDLE = np.array([25.4])
@@ -73,3 +73,15 @@ def test_unknown_theory_names_those_there_are() -> None:
         theory_named("string", q=0.5)
     with pytest.raises(ValueError, match="q must be 0 or above"):
         theory_named("cubic", q=-0.5)
+
+
+def test_text_is_no_number_and_a_pull_says_where_it_is() -> None:
+    for wrong in ("50", b"50"):
+        with pytest.raises(ValueError, match="span must be a number of mm, got the text"):
+            Beam.round(span=wrong, diameter=8.0, modulus=0.3)  # pyright: ignore[reportArgumentType]
+    beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
+    for theory in (Cubic(), Exact()):
+        pull = theory.pull(beam, 25.4).to_deflection(2.0)
+        said = repr(pull)
+        assert said.startswith(f"{type(pull).__name__}(grasp=25.4 mm, force=")
+        assert said.endswith(", deflection=2 mm)")
