@@ -133,11 +133,11 @@ def by_dask(
         ours = versions()
         for worker, theirs in client.run(versions, on_error="return").items():
             if theirs != ours:
-                said: object = theirs
+                version: object = theirs
                 if not isinstance(theirs, dict):
-                    said = f"not this program ({theirs})"
+                    version = f"not this program ({theirs})"
                 raise ValueError(
-                    f"the worker {worker} has {said}, and this process {ours}: install the same"
+                    f"the worker {worker} has {version}, and this process {ours}: install the same"
                 )
         waiting = deque(enumerate(arguments))
         whole = client.scatter(function, broadcast=True, hash=True)

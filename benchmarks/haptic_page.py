@@ -25,7 +25,7 @@ from app.haptics.device import DeviceOptions
 from app.haptics.servo_loop import LoopSettings
 from app.haptics.servo_process import (
     BedSetting,
-    FeltSetting,
+    HapticSetting,
     HookSnapshot,
     ServoProcess,
     Snapshot,
@@ -77,7 +77,7 @@ class Led:
         self._generation, self._start = 0, time.monotonic()
         self._rest = np.zeros(3)
 
-    def feel(self, setting: FeltSetting | None) -> int:
+    def feel(self, setting: HapticSetting | None) -> int:
         """Begin at the duct's hook."""
         if isinstance(setting, BedSetting):
             places = setting.beam.rest_places
@@ -108,14 +108,14 @@ def serve(where: Where, address: str | None) -> None:
     """Serve a trainer; print its ticks at each line on stdin, the servo's report at the end."""
     settings = LoopSettings(hold=where == "pull")
 
-    def servo(setting: FeltSetting) -> ServoProcess:
+    def servo(setting: HapticSetting) -> ServoProcess:
         if address is None:
             return cast(ServoProcess, Led())
         return ServoProcess([("haply", DeviceOptions(address, settings.period))], settings, setting)
 
     made: list[ServoProcess] = []
 
-    def kept(setting: FeltSetting) -> ServoProcess:
+    def kept(setting: HapticSetting) -> ServoProcess:
         made.append(servo(setting))
         return made[-1]
 

@@ -113,7 +113,7 @@ def _located(
         p0, p1, p2 = points[i, 0], points[i, 1], points[i, 2]
         # Walk from the guess to the pair of sections whose planes enclose the point.
         k = min(max(int(near[i]), 0), sections - 2)
-        way = 0
+        direction = 0
         low = high = 0.0
         for _ in range(sections):
             low = (
@@ -126,12 +126,12 @@ def _located(
                 + (p1 - axis[k + 1, 1]) * frames[k + 1, 1, 2]
                 + (p2 - axis[k + 1, 2]) * frames[k + 1, 2, 2]
             )
-            if high > 0.0 and way >= 0 and k < sections - 2:
+            if high > 0.0 and direction >= 0 and k < sections - 2:
                 k += 1
-                way = 1
-            elif low < 0.0 and way <= 0 and k > 0:
+                direction = 1
+            elif low < 0.0 and direction <= 0 and k > 0:
                 k -= 1
-                way = -1
+                direction = -1
             else:
                 break
         share = low / (low - high) if low != high else 0.0

@@ -267,24 +267,24 @@ def _hepatic_course(
 ) -> Floats:
     """Return points of the right hepatic artery from the left of the common duct to the hilum."""
     hepatic = _HEPATIC_MM[case.kinds["level"]]
-    way = case.kinds["right_hepatic_artery"]
+    passes = case.kinds["right_hepatic_artery"]
     crossing = common.at(common.nearest(np.array([_JOIN_MM + 0.62 * hepatic, 0.0, 0.0])))
     below = -(radii + _CLEARANCE_MM + depth)
     # Beyond the neck, so that the cystic artery comes from the hilum's side of the cystic duct.
     top = max(_JOIN_MM + max(hepatic, 20.0) + 4.0, float(target[0]) + 6.0)
     end = np.array([top, 10.5, -4.0 - depth])
-    if way == "none":
+    if passes == "none":
         # It comes from the right, behind both ducts.
         first = np.array([_JOIN_MM - 14.0, radii + 6.0, 2.0 * below])
         second = np.array([crossing[0] - 4.0, radii + 4.0, 1.4 * below])
     else:
-        z = crossing[2] - below if way == "front" else crossing[2] + below
+        z = crossing[2] - below if passes == "front" else crossing[2] + below
         first = np.array([crossing[0] - 16.0, crossing[1] - 10.0, z])
         second = np.array([crossing[0], crossing[1], z])
     middle = 0.5 * (second + end) + [0.0, 1.0, 0.0]
     middle[2] = second[2] * 0.7
     off = middle - target
-    if way == "hump" or float(np.linalg.norm(off)) > chord:
+    if passes == "hump" or float(np.linalg.norm(off)) > chord:
         middle = target + chord * off / np.linalg.norm(off)
     return np.stack([first, second, middle, end])
 

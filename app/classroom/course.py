@@ -256,11 +256,11 @@ def _with_line(fault: str, content: str) -> str:
     found = re.fullmatch(r"(.*?) - at `([^`]*)`(?: - at `[^`]*`)?", fault, re.DOTALL)
     if found is None:
         return fault
-    said, path = found[1], found[2]
+    message, path = found[1], found[2]
     # A field that is not known, or the one that a sentence begins with.
-    named = re.search(r"unknown field `(\w+)`", said) or re.search(r": (\w+)", said)
+    named = re.search(r"unknown field `(\w+)`", message) or re.search(r": (\w+)", message)
     keys = [*re.findall(r"\w+", path), *([named[1]] if named else [])]
-    return f"{said} (line {_line_of(keys, content)})"
+    return f"{message} (line {_line_of(keys, content)})"
 
 
 def _line_of(keys: list[str], content: str) -> int:

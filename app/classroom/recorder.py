@@ -59,18 +59,18 @@ class Recorder:
             try:
                 run = make()
                 self._store.save(run, self._statements(run) if run.finished else ())
-                told = None
+                fault = None
             except sqlite3.IntegrityError:  # the person's data have been deleted meanwhile
-                told = "your data have been deleted"
+                fault = "your data have been deleted"
             except (sqlite3.Error, OSError) as error:
                 log.warning("a run of the class could not be saved yet: %s", error)
-                told, again = f"not saved yet ({error}); it is tried again", True
+                fault, again = f"not saved yet ({error}); it is tried again", True
             except ValueError as error:  # too many or too long
-                told = str(error)
+                fault = str(error)
             except Exception as error:
                 log.exception("a run of the class could not be saved")
-                told = f"not saved: a fault of the program ({type(error).__name__})"
-            done(told)
+                fault = f"not saved: a fault of the program ({type(error).__name__})"
+            done(fault)
             if again:
                 with self._news:
                     self._waiting.setdefault(run_id, (make, done))

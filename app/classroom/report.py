@@ -102,8 +102,8 @@ def _whys(tries: Sequence[Result]) -> str:
     found = Counter(each.why for each in tries if each.run.passed is False)
     if not found:
         return ""
-    told = ", ".join(f"{html.escape(why)} ({count})" for why, count in found.most_common())
-    return f"<p><b>Failed by:</b> {told}.</p>"
+    counted = ", ".join(f"{html.escape(why)} ({count})" for why, count in found.most_common())
+    return f"<p><b>Failed by:</b> {counted}.</p>"
 
 
 def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
@@ -116,11 +116,11 @@ def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
         if tries:
             asked = SetExercise.of_json(each.exercise)
             top = best(tries)
-            said = "No try was finished." if top is None else html.escape(top.run.reason)
+            words = "No try was finished." if top is None else html.escape(top.run.reason)
             parts.append(
                 f"<section><h3>{html.escape(asked.title)}</h3>"
                 f"<p>{html.escape(asked.exercise.task)} {html.escape(asked.exercise.caution)}</p>"
-                f"<p><b>Best try:</b> {said}</p>{_plot(tries, by_try=True)}"
+                f"<p><b>Best try:</b> {words}</p>{_plot(tries, by_try=True)}"
                 f"{_table(tries, who=False, what=False)}</section>"
             )
     if free := [one for one in own if one.run.assignment_id is None]:

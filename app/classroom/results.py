@@ -30,7 +30,7 @@ __all__ = [
 
 Word = Literal["passed", "failed", "given up", "not finished", "free", "torn"]
 
-TOLD = (
+IDENTITY = (
     "name", "exercise", "set_by_teacher", "try", "mode", "started_at", "outcome", "reason",
 )  # fmt: skip
 """Columns before those of the measures."""
@@ -161,13 +161,13 @@ def results_csv(found: Sequence[Result]) -> bytes:
     rows: list[dict[str, object]] = []
     for each in found:
         run = each.run
-        told = (
+        identity = (
             each.name, run.title, "yes" if run.assignment_id else "no", each.number, run.mode,
             run.started_at, each.word, run.reason,
         )  # fmt: skip
-        rows.append(dict(zip(TOLD, told, strict=True)) | flat_measures(each.measures))
+        rows.append(dict(zip(IDENTITY, identity, strict=True)) | flat_measures(each.measures))
     out = io.StringIO()
-    columns = dict.fromkeys([*TOLD, *(key for row in rows for key in row)])
+    columns = dict.fromkeys([*IDENTITY, *(key for row in rows for key in row)])
     table = csv.DictWriter(out, list(columns), lineterminator="\r\n")
     table.writeheader()
     table.writerows({key: _cell(value) for key, value in row.items()} for row in rows)

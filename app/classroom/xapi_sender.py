@@ -199,26 +199,26 @@ class Sender:
         if not waiting:
             return False
         body = b"[" + b",".join(each.content for each in waiting) + b"]"
-        code, said = self._ask(found, "POST", "/statements", body)
+        code, reason = self._ask(found, "POST", "/statements", body)
         if code in DONE:
             self._store.statements_sent([each.id for each in waiting])
             return True
         if code in ONE_BY_ONE:
             return True if all(list(map(partial(self._send_one, found), waiting))) else None
-        self.problem = said
+        self.problem = reason
         return None
 
     def _send_one(self, found: LearningRecordStore, each: Statement) -> bool:
         """Send one; what the store refuses for itself is kept with its reason."""
         path = f"/statements?statementId={each.id}"
-        code, said = self._ask(found, "PUT", path, each.content)
+        code, reason = self._ask(found, "PUT", path, each.content)
         # A conflict: it has a statement of this id, which is this one.
         if code in DONE or code == HTTPStatus.CONFLICT:
             self._store.statements_sent([each.id])
         elif code in ONE_BY_ONE:
-            self._store.statement_refused(each.id, said)
+            self._store.statement_refused(each.id, reason)
         else:
-            self.problem = said
+            self.problem = reason
             return False
         return True
 

@@ -220,11 +220,11 @@ def _compress_one(job: "StackJob", *, every: bool, as_json: bool) -> None:
     from app.compression.stack_job import compress_stack
 
     with progress_bar("Finding edges") as progress:
-        said = compress_stack(job, progress)
+        facts = compress_stack(job, progress)
     if as_json:
-        print(json.dumps(said.as_json()))
+        print(json.dumps(facts.as_json()))
     else:
-        print("\n".join(report_lines(said, every_section=every)))
+        print("\n".join(report_lines(facts, every_section=every)))
 
 
 def _compress_many(
@@ -258,12 +258,12 @@ def _compress_many(
     if as_json:
         print(json.dumps([outcome.as_json() for outcome in outcomes]))
     else:
-        for said in done if every else ():
-            print("\n".join([said.file, *section_lines(said.sections), ""]))
+        for facts in done if every else ():
+            print("\n".join([facts.file, *section_lines(facts.sections), ""]))
         print("\n".join(summary_lines(done)))
-        for said in done:
-            for line in remark_lines(said):
-                print(f"{line[:10]} {said.stack}: {line[11:]}")
+        for facts in done:
+            for line in remark_lines(facts):
+                print(f"{line[:10]} {facts.stack}: {line[11:]}")
         for one in failed:
             print(f"failed     {one.stack}: {one.error}")
     if failed:

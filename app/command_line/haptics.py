@@ -103,7 +103,7 @@ def haptics(
         return
     import msgspec
 
-    from app.haptics.felt_run import felt_run
+    from app.haptics.haptic_run import run_haptics
     from organ_geometry import check_target, write_atomic
 
     for target in (report, record):
@@ -155,7 +155,7 @@ def haptics(
             (second_device, DeviceOptions(second_address or address, settings.period, script))
         )
     with _ending() as why:
-        made, run = felt_run(
+        made, run = run_haptics(
             choice, opened, settings, why,
             coupling=coupling, delay=None if delay is None else 1e-3 * delay,
             assist=second_at, seconds=seconds, scheduling=real_time(),
@@ -217,7 +217,7 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
         "periods": run.periods,
         "seconds": run.periods / run.rate,
         "torn": loop.model.torn,
-        "work_of_hands_mJ": float(loop.regulator.books[0]),
+        "work_of_hands_mJ": float(loop.regulator.energies[0]),
         "work_closes_to": closes_to,
         "as_recorded": same,
         "bytes": len(content),

@@ -83,9 +83,9 @@ def _status() -> int:
         status = int(program(sys.argv[1:] or ["--help"], standalone_mode=False) or 0)
         return _stopped() if status == STOPPED else status
     except typer.TyperException as error:
-        said = error.format_message().rstrip(".")
+        words = error.format_message().rstrip(".")
         # Without arguments a group has printed its help, and its error says nothing.
-        return _say(f"{said}; --help says what is right", WRONG_INPUT) if said else WRONG_INPUT
+        return _say(f"{words}; --help says what is right", WRONG_INPUT) if words else WRONG_INPUT
     except (ValueError, OSError) as error:
         if os.environ.get(TRACEBACK):
             raise

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from app.anatomy import Anatomy
-    from app.haptics.servo_process import FeltSetting, ServoProcess
+    from app.haptics.servo_process import HapticSetting, ServoProcess
     from app.simulation import RunFile
     from app.trainer.client.beside import StartCompanion
     from app.trainer.server.trainer import Trainer
@@ -178,7 +178,7 @@ def _replayed(file: Path, organ: "Organ") -> "RunFile":
 
 def _servo(
     devices: "Sequence[tuple[str | None, str]]", hand: Path | None
-) -> "Callable[[FeltSetting], ServoProcess]":
+) -> "Callable[[HapticSetting], ServoProcess]":
     """Return a function that starts the servo of devices, with their addresses."""
     from app.haptics.device import DeviceOptions
     from app.haptics.hand import read_hand

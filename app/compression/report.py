@@ -110,44 +110,44 @@ def facts(
     )
 
 
-def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
+def report_lines(done: Facts, *, every_section: bool) -> Iterator[str]:
     """Yield the report of one stack."""
     if every_section:
-        yield from section_lines(said.sections)
+        yield from section_lines(done.sections)
         yield ""
-    wall = "hollow" if said.hollow else "solid"
+    wall = "hollow" if done.hollow else "solid"
     overall = ""
-    if said.overall_mm is not None:
-        overall = f"; {said.overall_mm:.4f} mm, {said.overall_px:.3f} px over all"
+    if done.overall_mm is not None:
+        overall = f"; {done.overall_mm:.4f} mm, {done.overall_px:.3f} px over all"
     rows = [
         (
             "organ",
-            f"{wall}, {said.length_mm:.2f} mm long, mean radius {said.mean_radius_mm:.3f} mm, "
-            f"{said.polarity} in its images",
+            f"{wall}, {done.length_mm:.2f} mm long, mean radius {done.mean_radius_mm:.3f} mm, "
+            f"{done.polarity} in its images",
         ),
         (
             "sections",
-            f"{said.sections_in} in, {said.sections_found} found, {said.sections_kept} kept",
+            f"{done.sections_in} in, {done.sections_found} found, {done.sections_kept} kept",
         ),
         (
             "promise",
-            f"{said.tolerance_mm:.4f} mm, {said.tolerance_px:.3f} px RMS at every section{overall}",
+            f"{done.tolerance_mm:.4f} mm, {done.tolerance_px:.3f} px RMS at every section{overall}",
         ),
         (
             "fit",
-            f"{said.fit_normal_rms_mm:.4f} mm, {said.fit_normal_rms_px:.3f} px RMS along the "
-            f"normal; {said.fit_algebraic_rms_mm:.4f} mm, {said.fit_algebraic_rms_px:.3f} px in y",
+            f"{done.fit_normal_rms_mm:.4f} mm, {done.fit_normal_rms_px:.3f} px RMS along the "
+            f"normal; {done.fit_algebraic_rms_mm:.4f} mm, {done.fit_algebraic_rms_px:.3f} px in y",
         ),
-        ("RMS error", f"{said.rms_error_mm:.4f} mm, {said.rms_error_px:.3f} px"),
-        ("largest", f"{said.max_error_mm:.4f} mm, {said.max_error_px:.3f} px, either way"),
-        ("bytes", f"{said.bytes_in:,} in, {said.bytes_out:,} out, ratio {said.ratio:,.0f}"),
-        ("time", f"{said.seconds:.2f} s"),
-        ("written", said.file),
+        ("RMS error", f"{done.rms_error_mm:.4f} mm, {done.rms_error_px:.3f} px"),
+        ("largest", f"{done.max_error_mm:.4f} mm, {done.max_error_px:.3f} px, either way"),
+        ("bytes", f"{done.bytes_in:,} in, {done.bytes_out:,} out, ratio {done.ratio:,.0f}"),
+        ("time", f"{done.seconds:.2f} s"),
+        ("written", done.file),
     ]
     yield from (f"{name:<10} {value}" for name, value in rows)
-    yield from remark_lines(said)
-    yield from (f"{'how':<10} {note}" for note in said.notes)
-    without = [section for section in said.sections if section.problem is not None]
+    yield from remark_lines(done)
+    yield from (f"{'how':<10} {note}" for note in done.notes)
+    without = [section for section in done.sections if section.problem is not None]
     for section in without[:MOST_LEFT_OUT]:
         yield f"left out   {section.name}: {section.problem}"
     if len(without) > MOST_LEFT_OUT:
@@ -156,12 +156,12 @@ def report_lines(said: Facts, *, every_section: bool) -> Iterator[str]:
         yield "           --sections lists every section"
 
 
-def remark_lines(said: Facts) -> Iterator[str]:
+def remark_lines(done: Facts) -> Iterator[str]:
     """Yield an organ's doubts, then its other warnings."""
-    if said.doubts:
+    if done.doubts:
         yield f"{'doubtful':<10} {DOUBTFUL}; look at it with --figure before it is used:"
-    yield from (f"{'doubtful':<10} {doubt}" for doubt in said.doubts)
-    yield from (f"{'note':<10} {each}" for each in said.warnings if each not in said.doubts)
+    yield from (f"{'doubtful':<10} {doubt}" for doubt in done.doubts)
+    yield from (f"{'note':<10} {each}" for each in done.warnings if each not in done.doubts)
 
 
 def section_lines(sections: Sequence[SectionReport]) -> Iterator[str]:
@@ -186,15 +186,15 @@ def section_lines(sections: Sequence[SectionReport]) -> Iterator[str]:
 
 def summary_lines(every: Sequence[Facts]) -> Iterator[str]:
     """Yield the table of many stacks, one a line."""
-    width = max([len("organ file"), *(len(said.file) for said in every)])
+    width = max([len("organ file"), *(len(done.file) for done in every)])
     yield (
         f"{'organ file':<{width}} {'in':>5} {'found':>5} {'kept':>5} {'RMS mm':>8} {'RMS px':>7} "
         f"{'max mm':>8} {'bytes in':>12} {'out':>7} {'ratio':>8} {'s':>6}"
     )
-    for said in every:
+    for done in every:
         yield (
-            f"{said.file:<{width}} {said.sections_in:>5} {said.sections_found:>5} "
-            f"{said.sections_kept:>5} {said.rms_error_mm:>8.4f} {said.rms_error_px:>7.3f} "
-            f"{said.max_error_mm:>8.4f} {said.bytes_in:>12,} {said.bytes_out:>7,} "
-            f"{said.ratio:>8,.0f} {said.seconds:>6.2f}"
+            f"{done.file:<{width}} {done.sections_in:>5} {done.sections_found:>5} "
+            f"{done.sections_kept:>5} {done.rms_error_mm:>8.4f} {done.rms_error_px:>7.3f} "
+            f"{done.max_error_mm:>8.4f} {done.bytes_in:>12,} {done.bytes_out:>7,} "
+            f"{done.ratio:>8,.0f} {done.seconds:>6.2f}"
         )

@@ -44,11 +44,11 @@ def compress_all(
     before = _read(summary)
     outcomes: list[Facts | Failed] = []
     for job in jobs:
-        said = before.get(hashes[job])
+        facts = before.get(hashes[job])
         there = job.output.is_file() and (job.figure is None or job.figure.is_file())
-        if said is not None and there and job.output.stat().st_size == said.bytes_out:
-            outcomes.append(said)
-            yield said
+        if facts is not None and there and job.output.stat().st_size == facts.bytes_out:
+            outcomes.append(facts)
+            yield facts
     done = {outcome.stack for outcome in outcomes}
     todo = [job for job in jobs if str(job.stack) not in done]
     if scheduler is not None:
@@ -60,8 +60,8 @@ def compress_all(
             file.write(b"\n")  # after a line that a kill cut short
         for job, outcome in solved:
             if isinstance(outcome, Facts):
-                said = {"job": hashes[job], **outcome.as_json()}
-                file.write(msgspec.json.encode(said) + b"\n")
+                facts = {"job": hashes[job], **outcome.as_json()}
+                file.write(msgspec.json.encode(facts) + b"\n")
                 file.flush()
                 os.fsync(file.fileno())
             outcomes.append(outcome)
@@ -88,11 +88,11 @@ def _read(summary: Path) -> dict[str, Facts]:
     found: dict[str, Facts] = {}
     for line in summary.read_bytes().splitlines() if summary.exists() else ():
         try:
-            said = msgspec.json.decode(line, type=dict[str, Any])
-            for section in said["sections"]:
+            facts = msgspec.json.decode(line, type=dict[str, Any])
+            for section in facts["sections"]:
                 missing = {key: math.nan for key, value in section.items() if value is None}
                 section.update(missing | {"problem": section["problem"]})
-            found[said.pop("job")] = msgspec.convert(said, Facts)
+            found[facts.pop("job")] = msgspec.convert(facts, Facts)
         except (msgspec.DecodeError, KeyError, TypeError, AttributeError):
             continue
     return found

@@ -111,8 +111,8 @@ def _unpacked(stack: Path) -> Generator[Path]:
         try:
             yield unpack_upload(stack.name, _content(stack), folder, ZIP_BOUNDS)
         except ValueError as error:
-            said = str(error).replace(f"{folder}/", f"{stack}/")
-            raise ValueError(said if str(stack) in said else f"{stack}: {said}") from error
+            message = str(error).replace(f"{folder}/", f"{stack}/")
+            raise ValueError(message if str(stack) in message else f"{stack}: {message}") from error
 
 
 def _content(stack: Path) -> bytes:

@@ -403,8 +403,8 @@ class _Animation:
     def _times(self, times: NDArray[np.float64]) -> int:
         return self._file.accessor(times.astype(np.float32), "SCALAR", bounded=True)
 
-    def _add(self, node: int, path: str, clock: int, output: int, way: str) -> None:
-        sampler = {"input": clock, "output": output, "interpolation": way}
+    def _add(self, node: int, path: str, clock: int, output: int, interpolation: str) -> None:
+        sampler = {"input": clock, "output": output, "interpolation": interpolation}
         self._samplers.append(sampler)
         self._channels.append(
             {"sampler": len(self._samplers) - 1, "target": {"node": node, "path": path}}

@@ -37,13 +37,13 @@ class StrandMesh:
 def strand_mesh(bed: BedTrack) -> StrandMesh:
     """Return the strands of a bed as a mesh."""
     count = len(bed.feet)
-    way = bed.ends[:, 0] - bed.feet[:, 0]
-    way /= np.sqrt((way**2).sum(axis=1, keepdims=True))
+    direction = bed.ends[:, 0] - bed.feet[:, 0]
+    direction /= np.sqrt((direction**2).sum(axis=1, keepdims=True))
     # Two directions across each strand, from the coordinate axis least along it.
-    helper = np.eye(3)[np.argmin(np.abs(way), axis=1)]
-    across = np.cross(way, helper)
+    helper = np.eye(3)[np.argmin(np.abs(direction), axis=1)]
+    across = np.cross(direction, helper)
     across /= np.sqrt((across**2).sum(axis=1, keepdims=True))
-    other = np.cross(way, across)
+    other = np.cross(direction, across)
     angles = 2.0 * np.pi * np.arange(SIDES) / SIDES
     outward = (
         np.cos(angles)[:, None] * across[:, None] + np.sin(angles)[:, None] * other[:, None]
@@ -54,7 +54,7 @@ def strand_mesh(bed: BedTrack) -> StrandMesh:
     # Of each strand: the tube's rings at the foot and the end, then ring and tip of both stubs.
     nothing = np.zeros_like(outward)
     vertices = [foot + tube, end + tube, foot + nothing, foot_tip, end + nothing, end_tip]
-    normals = [outward, outward, outward, way[:, None], outward, -way[:, None]]
+    normals = [outward, outward, outward, direction[:, None], outward, -direction[:, None]]
     parting = [-tube, -tube, tube, nothing[:, :1], tube, nothing[:, :1]]
     size = sum(part.shape[1] for part in vertices)
     on_bed = np.repeat([True, False, True, True, False, False], [SIDES, SIDES, SIDES, 1, SIDES, 1])

@@ -53,9 +53,9 @@ class StrandsSnapshot:
 
 def stubs(feet: Floats, ends: Floats) -> tuple[Floats, Floats]:
     """Return (S, 2, 3) feet and ends of strands, mm, each with the tip of its stub."""
-    way = feet - ends
-    length = np.sqrt((way**2).sum(axis=1, keepdims=True))
-    stub = way * np.minimum(STUB_SHARE, STUB_MM / length)
+    direction = feet - ends
+    length = np.sqrt((direction**2).sum(axis=1, keepdims=True))
+    stub = direction * np.minimum(STUB_SHARE, STUB_MM / length)
     return np.stack([feet, feet - stub], axis=1), np.stack([ends, ends + stub], axis=1)
 
 

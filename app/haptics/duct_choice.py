@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from app.haptics.device import DeviceLimits
 from app.haptics.device_run import DeviceRun, Recorder
-from app.haptics.felt_bed import FeltBed
-from app.haptics.felt_duct import FeltDuct, FeltModel
+from app.haptics.haptic_beam import HapticBeam, HapticModel
+from app.haptics.haptic_bed import HapticBed
 from app.haptics.regulator import WORK
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.simulation import ELEMENTS, OrganIdentity, Specimen, TheoryChoice
@@ -51,12 +51,14 @@ class DuctChoice:
             beam.grasped_at(each)
         return cls(specimen, grasps)
 
-    def felt(self, coupling: float, period: float = 1e-3, *, retrace: bool = False) -> FeltModel:
+    def haptic_model(
+        self, coupling: float, period: float = 1e-3, *, retrace: bool = False
+    ) -> HapticModel:
         """Return the duct at rest behind a coupling, N/mm, for a servo's period, s."""
         # With `retrace` its energy in a bed closes better, and a step takes longer (`BeamOnBed`).
         specimen = self.specimen
         if specimen.theory is not None:
-            return FeltDuct(
+            return HapticBeam(
                 specimen.theory,
                 specimen.beam,
                 self.grasps,
@@ -64,7 +66,7 @@ class DuctChoice:
                 coupling=coupling,
             )
         beam = specimen.space_beam(elements=ELEMENTS, nodes_at=self.grasps)
-        return FeltBed(
+        return HapticBed(
             specimen.on_bed(beam, retrace=retrace),
             self.grasps,
             threshold=specimen.threshold,
@@ -112,7 +114,7 @@ def played_again(run: DeviceRun, choice: DuctChoice) -> tuple[ServoLoop, Recorde
     # There is time for `retrace` now; what moves is the same.
     places, bits = run.unpacked()
     hands = places.shape[1]
-    model = choice.felt(run.coupling_N_per_mm, run.settings.period, retrace=True)
+    model = choice.haptic_model(run.coupling_N_per_mm, run.settings.period, retrace=True)
     open_work = peak = 0.0
     loop = ServoLoop(model, run.settings, run.limits, hands)
     recorder = Recorder(hands)
@@ -122,5 +124,5 @@ def played_again(run: DeviceRun, choice: DuctChoice) -> tuple[ServoLoop, Recorde
         loop.step(units, inputs)
         recorder.keep(units, inputs, loop.given)
         open_work = max(open_work, abs(loop.open_work))
-        peak = max(peak, abs(float(loop.regulator.books[WORK])))
+        peak = max(peak, abs(float(loop.regulator.energies[WORK])))
     return loop, recorder, open_work / peak if peak else 0.0

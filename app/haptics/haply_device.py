@@ -258,9 +258,9 @@ class HaplyDevice:
             return False
         place, speed = found[0].state.cursor_position, found[0].state.cursor_velocity
         if self._last is not None:
-            way = max(abs(place.x - self._last.x), abs(place.y - self._last.y),
+            distance = max(abs(place.x - self._last.x), abs(place.y - self._last.y),
                       abs(place.z - self._last.z))  # fmt: skip
-            if way > SLACK + self.limits.speed * (now - self._last_time):
+            if distance > SLACK + self.limits.speed * (now - self._last_time):
                 self._trouble = "a jump"
                 self._last, self._last_time = place, now
                 return False

@@ -53,7 +53,7 @@ def regulate(
     live: bool,
     memory: Array,
     given: Array,
-    books: Array,
+    energies: Array,
     figures: Array,
 ) -> None:
     """Book the last period's work and find the forces of the next; see the module's docstring."""
@@ -65,23 +65,23 @@ def regulate(
     last, old_model, old_brake, old_rest = memory[0], memory[1], memory[2], memory[3]
     for h in range(hands):
         for j in range(3):
-            way = 1e3 * (places[h, j] - last[h, j])
-            books[WORK] -= given[h, j] * way
-            books[SAMPLED] -= old_model[h, j] * way
-            books[BRAKED] -= old_brake[h, j] * way
-            books[WITHHELD] -= old_rest[h, j] * way
-    books[MODELLED] += modelled
-    books[SAMPLED] -= modelled
-    made = energy - books[WORK] - books[ALLOWED]
+            step = 1e3 * (places[h, j] - last[h, j])
+            energies[WORK] -= given[h, j] * step
+            energies[SAMPLED] -= old_model[h, j] * step
+            energies[BRAKED] -= old_brake[h, j] * step
+            energies[WITHHELD] -= old_rest[h, j] * step
+    energies[MODELLED] += modelled
+    energies[SAMPLED] -= modelled
+    made = energy - energies[WORK] - energies[ALLOWED]
     if not live:
         figures[5] = 0.0
     gain = min(figures[5], 1.0)
     if gain == 0.0:
         # What the model holds as the force comes, no hand has given; it is allowed for once.
-        books[ALLOWED] += max(made, 0.0)
+        energies[ALLOWED] += max(made, 0.0)
         made = min(made, 0.0)
-    books[MADE] = made
-    books[LEAST] = min(books[LEAST], books[WORK])
+    energies[MADE] = made
+    energies[LEAST] = min(energies[LEAST], energies[WORK])
     for h in range(hands):
         speed2 = 0.0
         for j in range(3):
@@ -120,12 +120,12 @@ class Regulator:
 
     def __init__(self, hands: int, period: float, limits: DeviceLimits) -> None:
         self.given = np.zeros((hands, 3))
-        self.books = np.zeros(8)
+        self.energies = np.zeros(8)
         most, slew = limits.force, limits.force_rate * period
         soft = max(SOFT_SECONDS, period)
         figures = np.array([period, most, slew, limits.added_damping, soft, 0.0])
         self._memory = np.zeros((4, hands, 3))
-        self.state = self._memory, self.given, self.books, figures
+        self.state = self._memory, self.given, self.energies, figures
 
     def start(self, places: NDArray[np.float64]) -> None:
         """Begin where the hands are."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from app.haptics.device import Device, DeviceError, DeviceState, WaitingDevice
 from app.haptics.device_run import Recorder
 from app.haptics.duct_choice import passive_delay
-from app.haptics.felt_duct import FeltDuct
+from app.haptics.haptic_beam import HapticBeam
 from app.haptics.regulator import ALLOWED, BRAKED, LEAST, SAMPLED, WITHHELD, WORK
 from app.haptics.servo_loop import FRESH, LIVE, PLACE_UNIT, ServoLoop
 from app.haptics.servo_report import Energies, ForceCheck, ServoReport, TimeHistogram
@@ -82,7 +82,7 @@ class Servo:
         self._seconds = 0.0
         self._scheduling = scheduling
         self._failed = False
-        self._checks: list[tuple[FeltDuct, float, float]] = []
+        self._checks: list[tuple[HapticBeam, float, float]] = []
         self._ducts, self._torn = 0, False  # of those that are not felt any more
         self._energies: Energies | None = None
         self._theories: list[str] = []
@@ -197,11 +197,11 @@ class Servo:
             change = given - old
             self._jump = max(self._jump, float(change @ change))
             old[:] = given
-        self._peak = max(self._peak, abs(float(loop.regulator.books[WORK])))
+        self._peak = max(self._peak, abs(float(loop.regulator.energies[WORK])))
         if self._periods % every == 0 and len(self._checks) < MOST_CHECKS:
             model = loop.model
             # Forces in a bed depend on the whole way to them: none can be solved from rest.
-            if isinstance(model, FeltDuct) and len(model.grasps) == 1 and not model.torn:
+            if isinstance(model, HapticBeam) and len(model.grasps) == 1 and not model.torn:
                 place, force = float(model.hooks[0, 2]), float(model.forces[0, 2])
                 if place > 0.0:
                     self._checks.append((model, place, force))
@@ -219,14 +219,15 @@ class Servo:
 
     def _balance(self) -> Energies:
         """Return the energies of all ducts so far."""
-        loop, books, model = self.loop, self.loop.regulator.books, self.loop.model
+        loop, energies, model = self.loop, self.loop.regulator.energies, self.loop.model
         scale = loop.settings.scale
         now = Energies(
-            float(books[WORK]), model.stored / scale, model.spent / scale, model.released / scale,
-            float(books[SAMPLED]),
-            float(books[BRAKED]), float(books[WITHHELD]), loop.assist_work / scale,
-            abs(loop.open_work) / self._peak if self._peak else 0.0, float(books[LEAST]),
-            float(books[ALLOWED]),
+            float(energies[WORK]),
+            model.stored / scale, model.spent / scale, model.released / scale,
+            float(energies[SAMPLED]),
+            float(energies[BRAKED]), float(energies[WITHHELD]), loop.assist_work / scale,
+            abs(loop.open_work) / self._peak if self._peak else 0.0, float(energies[LEAST]),
+            float(energies[ALLOWED]),
         )  # fmt: skip
         return now if self._energies is None else self._energies.followed_by(now)
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.haptics.device import DeviceLimits
-from app.haptics.felt_duct import UP, FeltModel
+from app.haptics.haptic_beam import UP, HapticModel
 from app.haptics.regulator import MODELLED, Regulator, regulate
 from kernel_cache import njit
 
@@ -45,7 +45,7 @@ STRIDE, MOST_STRIDES = 0.05, 64
 FIRST_STRIDE, FIRST_STRIDES = 0.0125, 2000
 
 
-# Rows of a loop's `ways`, each (K, 3): where the devices are and where their ways began, m; targets
+# Rows of a loop's `motion`, each (K, 3): where devices are and where their ways began, m; targets
 # of the hooks, mm: where those ways began, now, a period ago, and on the way between; then of the
 # model's last step: how far the hands drew, mm, forces at its beginning and a step before, N, and
 # where the hooks were, mm.
@@ -61,7 +61,7 @@ def _lead(
     units: NDArray[np.int64],
     bits: NDArray[np.int64],
     before: NDArray[np.int64],
-    ways: Array,
+    motion: Array,
     held: NDArray[np.bool_],
     to_mm: float,
     free: bool,
@@ -71,7 +71,7 @@ def _lead(
     """Move the hooks with their hands: the clutch, taking and releasing the duct."""
     # Returned are in how many steps the model goes there, the first of which is filled in, and
     # whether there may be a force.
-    places, origins, led = ways[PLACE], ways[ORIGIN], ways[LED]
+    places, origins, led = motion[PLACE], motion[ORIGIN], motion[LED]
     live = True
     for hand in range(units.shape[0]):
         now = bits[hand]
@@ -83,39 +83,39 @@ def _lead(
             # The hook stays where it is, without a force; from where the device is now it goes on.
             for j in range(3):
                 origins[hand, j] = places[hand, j]
-                ways[LED_FROM, hand, j] = led[hand, j]
+                motion[LED_FROM, hand, j] = led[hand, j]
         taken = now & TAKE != 0
         if taken and not held[hand]:
             for j in range(3):
                 origins[hand, j] = places[hand, j]
-                ways[LED_FROM, hand, j] = ways[LED_BEFORE, hand, j] = 0.0
+                motion[LED_FROM, hand, j] = motion[LED_BEFORE, hand, j] = 0.0
         held[hand] = taken
         before[hand] = now
         for j in range(3):
-            way = places[hand, j] - origins[hand, j]
-            led[hand, j] = ways[LED_FROM, hand, j] + to_mm * way
+            displacement = places[hand, j] - origins[hand, j]
+            led[hand, j] = motion[LED_FROM, hand, j] + to_mm * displacement
     longest = 0.0
     for h in range(led.shape[0]):
         if held[h] or not free:  # a hook that is free goes as fast as it likes
             for j in range(3):
-                longest = max(longest, abs(led[h, j] - ways[LED_BEFORE, h, j]))
+                longest = max(longest, abs(led[h, j] - motion[LED_BEFORE, h, j]))
     strides = min(max(math.ceil(longest / longest_stride), 1), most_strides)
-    _stride(ways, 1.0 / strides)
+    _stride(motion, 1.0 / strides)
     return strides, live
 
 
 @njit(cache=True, nogil=True)
-def _stride(ways: Array, part: float) -> None:
+def _stride(motion: Array, part: float) -> None:
     """Fill an interpolated place, at the end the target itself to the bit."""
-    for h in range(ways.shape[1]):
+    for h in range(motion.shape[1]):
         for j in range(3):
-            before, led = ways[LED_BEFORE, h, j], ways[LED, h, j]
-            ways[LED_NOW, h, j] = led if part == 1.0 else before + part * (led - before)
+            before, led = motion[LED_BEFORE, h, j], motion[LED, h, j]
+            motion[LED_NOW, h, j] = led if part == 1.0 else before + part * (led - before)
 
 
 @njit(cache=True, nogil=True)
 def _book(
-    ways: Array,
+    motion: Array,
     forces: Array,
     elastic: Array,
     hooks: Array,
@@ -132,48 +132,48 @@ def _book(
     tore in it.
     """
     ahead = behind = along = 0.0
-    for h in range(ways.shape[1]):
+    for h in range(motion.shape[1]):
         for j in range(3):
-            was = ways[LED_BEFORE, h, j]
-            now = was + stride / strides * (ways[LED, h, j] - was)
-            was += (stride - 1) / strides * (ways[LED, h, j] - was)
+            was = motion[LED_BEFORE, h, j]
+            now = was + stride / strides * (motion[LED, h, j] - was)
+            was += (stride - 1) / strides * (motion[LED, h, j] - was)
             if not pushes:  # aside, and below where the duct is by itself, there is no force
-                was = max(was, ways[HOOKED, h, j]) if j == UP else 0.0
+                was = max(was, motion[HOOKED, h, j]) if j == UP else 0.0
                 now = max(now, hooks[h, j]) if j == UP else 0.0
-            way, before = now - was if held[h] else 0.0, ways[DRAWN, h, j]
-            ahead += way * way
+            displacement, before = now - was if held[h] else 0.0, motion[DRAWN, h, j]
+            ahead += displacement * displacement
             behind += before * before
-            along += way * before
-            ways[LED_NOW, h, j] = way
-    if ahead == 0.0 and not pushes and np.array_equal(ways[PULLED], forces):
+            along += displacement * before
+            motion[LED_NOW, h, j] = displacement
+    if ahead == 0.0 and not pushes and np.array_equal(motion[PULLED], forces):
         return  # nobody draws: the next step goes on from the one before
     ahead, behind = math.sqrt(ahead), math.sqrt(behind)
     goes_on = not pushes and along > ALONG * ahead * behind
-    for h in range(ways.shape[1]):  # a hook that comes or goes changes all forces
-        first, last = ways[PULLED, h, UP], elastic[h, UP]
-        goes_on &= (first > 0.0) == (last > 0.0) == (ways[PULLED_BEFORE, h, UP] > 0.0)
+    for h in range(motion.shape[1]):  # a hook that comes or goes changes all forces
+        first, last = motion[PULLED, h, UP], elastic[h, UP]
+        goes_on &= (first > 0.0) == (last > 0.0) == (motion[PULLED_BEFORE, h, UP] > 0.0)
     bent = 0.0
     if goes_on:
         back = along / ahead
         bent = ahead * ahead / (6.0 * back * (ahead + back))
-    for h in range(ways.shape[1]):
+    for h in range(motion.shape[1]):
         for j in range(3):
-            first, last, way = ways[PULLED, h, j], elastic[h, j], ways[LED_NOW, h, j]
-            work = 0.5 * (first + last) * way
+            first, last, displacement = motion[PULLED, h, j], elastic[h, j], motion[LED_NOW, h, j]
+            work = 0.5 * (first + last) * displacement
             if goes_on:
-                before = way * (first - ways[PULLED_BEFORE, h, j])
-                work -= bent * (ways[DRAWN, h, j] * (last - first) - before)
+                before = displacement * (first - motion[PULLED_BEFORE, h, j])
+                work -= bent * (motion[DRAWN, h, j] * (last - first) - before)
             works[0 if h < hands else 1] += work
             # What tore is another course of the force, on which nothing goes on.
-            ways[DRAWN, h, j] = way if forces[h, j] == elastic[h, j] else 0.0
-            ways[PULLED_BEFORE, h, j] = first
-            ways[PULLED, h, j] = forces[h, j]
-            ways[HOOKED, h, j] = hooks[h, j]
+            motion[DRAWN, h, j] = displacement if forces[h, j] == elastic[h, j] else 0.0
+            motion[PULLED_BEFORE, h, j] = first
+            motion[PULLED, h, j] = forces[h, j]
+            motion[HOOKED, h, j] = hooks[h, j]
 
 
 @njit(cache=True, nogil=True)
 def _settle(
-    ways: Array,
+    motion: Array,
     forces: Array,
     elastic: Array,
     hooks: Array,
@@ -187,15 +187,15 @@ def _settle(
     live: bool,
     memory: Array,
     given: Array,
-    books: Array,
+    energies: Array,
     figures: Array,
 ) -> None:
     """Book the model's last step and find the forces of the next period."""
-    _book(ways, forces, elastic, hooks, held, strides, strides, hands, pushes, works)
-    ways[LED_BEFORE] = ways[LED]
+    _book(motion, forces, elastic, hooks, held, strides, strides, hands, pushes, works)
+    motion[LED_BEFORE] = motion[LED]
     regulate(
-        ways[PLACE], forces, works[0] / scale, (energy - works[1]) / scale, live,
-        memory, given, books, figures,
+        motion[PLACE], forces, works[0] / scale, (energy - works[1]) / scale, live,
+        memory, given, energies, figures,
     )  # fmt: skip
     works[0] = 0.0
 
@@ -225,11 +225,11 @@ class ServoLoop:
 
     def __init__(
         self,
-        model: FeltModel,
+        model: HapticModel,
         settings: LoopSettings,
         limits: DeviceLimits,
         hands: int = 1,
-        twin: FeltModel | None = None,
+        twin: HapticModel | None = None,
     ) -> None:
         self.settings, self.hands = settings, hands
         self.limits = limits
@@ -239,7 +239,7 @@ class ServoLoop:
         self.leaving: Callable[[], None] = lambda: None  # called before another model is felt
         self.feel(model, twin)
 
-    def feel(self, model: FeltModel, twin: FeltModel | None = None) -> None:
+    def feel(self, model: HapticModel, twin: HapticModel | None = None) -> None:
         """Restart on a model at rest; the next places of the hands become their hooks' rest.
 
         A `twin` of the model is for `rehearse`.
@@ -249,8 +249,8 @@ class ServoLoop:
         self.model = model
         self.regulator = Regulator(hands, self.settings.period, limits)
         self.given = self.regulator.given
-        self._ways = np.zeros((ROWS, hooks, 3))
-        self.hooks_led, self._led_now = self._ways[LED], self._ways[LED_NOW]
+        self._motion = np.zeros((ROWS, hooks, 3))
+        self.hooks_led, self._led_now = self._motion[LED], self._motion[LED_NOW]
         self._works = np.zeros(2)
         self._held = np.zeros(hooks, np.bool_)
         self._bits, self._bits_before = np.zeros((2, hands), np.int64)
@@ -282,7 +282,7 @@ class ServoLoop:
         """Work of the hands on the model that it has not stored, spent or released, N mm."""
         model = self.model
         held = model.stored + model.spent + model.released - self.assist_work
-        return float(self.regulator.books[MODELLED]) - held / self.settings.scale
+        return float(self.regulator.energies[MODELLED]) - held / self.settings.scale
 
     def assist(self, hook: int, height: float) -> None:
         """Set the target of a hook without a device: mm along the pull; 0 lets go."""
@@ -293,7 +293,7 @@ class ServoLoop:
 
     def step(self, units: NDArray[np.int64], inputs: Sequence[int]) -> None:
         """Advance by one period: `units` (H, 3) in `PLACE_UNIT`, `inputs` (H,) bits."""
-        ways, bits, hands = self._ways, self._bits, self.hands
+        motion, bits, hands = self._motion, self._bits, self.hands
         self._last = units, inputs
         for hand in range(hands):
             bits[hand] = inputs[hand] | TAKE if self.holds[hand] else inputs[hand]
@@ -301,22 +301,22 @@ class ServoLoop:
         if not self._begun:
             if not all(each & FRESH for each in inputs):
                 return  # where the hands are is not known yet
-            ways[PLACE, :hands] = ways[ORIGIN, :hands] = units * PLACE_UNIT
-            self.regulator.start(ways[PLACE, :hands])
+            motion[PLACE, :hands] = motion[ORIGIN, :hands] = units * PLACE_UNIT
+            self.regulator.start(motion[PLACE, :hands])
             self._begun = True
         model, held, regulator = self.model, self._held, self.regulator
         strides, live = _lead(
-            units, bits, self._bits_before, ways, held, self._to_mm, model.free, *bounds
+            units, bits, self._bits_before, motion, held, self._to_mm, model.free, *bounds
         )  # fmt: skip
         # A hand that was lost for some periods is followed along its way.
         for stride in range(1, strides):
             model.step(self._led_now, held)
-            _book(ways, model.forces, model.elastic_forces, model.hooks, held, stride, strides,
+            _book(motion, model.forces, model.elastic_forces, model.hooks, held, stride, strides,
                   hands, model.pushes, self._works)  # fmt: skip
-            _stride(ways, (stride + 1) / strides)
+            _stride(motion, (stride + 1) / strides)
         model.step(self._led_now, held)
         _settle(
-            ways, model.forces, model.elastic_forces, model.hooks, held, strides, hands,
+            motion, model.forces, model.elastic_forces, model.hooks, held, strides, hands,
             model.pushes, self._works, model.stored + model.spent, self.settings.scale,
             live and not self.ended, *regulator.state,
         )  # fmt: skip

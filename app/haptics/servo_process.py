@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from app.haptics.device import Device, DeviceError, DeviceOptions, DeviceState
 from app.haptics.duct_choice import passive_coupling
-from app.haptics.felt_bed import FeltBed
-from app.haptics.felt_duct import FeltDuct
-from app.haptics.felt_run import least_limits, opened_devices
+from app.haptics.haptic_beam import HapticBeam
+from app.haptics.haptic_bed import HapticBed
+from app.haptics.haptic_run import least_limits, opened_devices
 from app.haptics.servo import Servo, real_time
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.haptics.servo_report import ServoReport
@@ -34,7 +34,7 @@ __all__ = [
     "ROW",
     "BedSetting",
     "DuctSetting",
-    "FeltSetting",
+    "HapticSetting",
     "HookSnapshot",
     "ServoEnd",
     "ServoLink",
@@ -63,10 +63,10 @@ class DuctSetting:
     threshold: float
     hold: bool = True
 
-    def model(self, coupling: float, period: float, hands: int) -> FeltDuct:
+    def model(self, coupling: float, period: float, hands: int) -> HapticBeam:
         """Return it behind couplings, N/mm, for hands; a `ValueError` if it has no force."""
         del period
-        return FeltDuct(
+        return HapticBeam(
             self.theory, self.beam, (self.grasp,),
             threshold=self.threshold, coupling=coupling, hands=hands,
         )  # fmt: skip
@@ -82,15 +82,15 @@ class BedSetting:
     touch: Touch | None  # what the hand without a device does to the beam
     hold: bool = False
 
-    def model(self, coupling: float, period: float, hands: int) -> FeltBed:
+    def model(self, coupling: float, period: float, hands: int) -> HapticBed:
         """Return it; see `DuctSetting`."""
-        return FeltBed(
+        return HapticBed(
             self.beam, tuple(self.tips[:hands, 0].tolist()), tips=self.tips[:hands],
             threshold=self.threshold, coupling=coupling, period=period, touch=self.touch,
         )  # fmt: skip
 
 
-FeltSetting = DuctSetting | BedSetting
+HapticSetting = DuctSetting | BedSetting
 """A duct that is to be felt; `hold` says whether hooks have it without a button."""
 
 
@@ -121,11 +121,11 @@ class ServoLink:
         self._row, self._pipe = row, pipe
         self._generation = 0
         self.hands = (row.size - HEAD) // ROW
-        self.unfelt: str | None = None  # why the last setting is not felt
+        self.not_rendered: str | None = None  # why the last setting is not felt
 
-    def feel(self, setting: FeltSetting | None) -> int:
+    def feel(self, setting: HapticSetting | None) -> int:
         """Change to another duct; the hands' places then become those of their hooks."""
-        self._generation, self.unfelt = self._generation + 1, None
+        self._generation, self.not_rendered = self._generation + 1, None
         self._send((self._generation, setting))
         return self._generation
 
@@ -172,7 +172,7 @@ class ServoProcess(ServoLink):
         self,
         devices: Sequence[tuple[str, DeviceOptions]],
         settings: LoopSettings,
-        setting: FeltSetting,
+        setting: HapticSetting,
     ) -> None:
         context = multiprocessing.get_context("spawn")
         shared: Any = context.Array("d", HEAD + ROW * len(devices), lock=False)
@@ -185,15 +185,15 @@ class ServoProcess(ServoLink):
         theirs.close()
         self._ended: str | None = None
         self.report: ServoReport | None = None
-        said: tuple[str, str] | None = None
+        answer: tuple[str, str] | None = None
         with suppress(EOFError, OSError):
             if self._pipe.poll(OPEN_SECONDS):
-                said = self._pipe.recv()
-        if said is None or said[0] != "open":
+                answer = self._pipe.recv()
+        if answer is None or answer[0] != "open":
             self.stop()
             names = ", ".join(name for name, _ in devices)
-            raise DeviceError(f"device {names} did not open" if said is None else said[1])
-        self.device = said[1]
+            raise DeviceError(f"device {names} did not open" if answer is None else answer[1])
+        self.device = answer[1]
 
     @property
     def ended(self) -> str | None:
@@ -201,12 +201,12 @@ class ServoProcess(ServoLink):
         if self._ended is None:
             with suppress(EOFError, OSError):
                 while self._pipe.poll():
-                    kind, said = self._pipe.recv()
+                    kind, answer = self._pipe.recv()
                     if kind == "ended":
-                        self.report = said
-                        self._ended = said.ended_by
+                        self.report = answer
+                        self._ended = answer.ended_by
                     else:
-                        self.unfelt = said
+                        self.not_rendered = answer
             if self._ended is None and not self._process.is_alive():
                 self._ended = "its process has ended"
         return self._ended
@@ -262,7 +262,7 @@ class ServoEnd:
             elif message[0] == self._generation:
                 _, touch, holds = message
                 loop.holds[:] = holds
-                if touch is not None and isinstance(loop.model, FeltBed):
+                if touch is not None and isinstance(loop.model, HapticBed):
                     loop.model.touch(touch)
         self._messages.clear()
         row, hooks, model = self._row, self._hooks, loop.model
@@ -279,7 +279,7 @@ class ServoEnd:
             hook[STATION] = np.nan if station is None else station
         row[NUMBER] += 1.0
 
-    def _change(self, loop: ServoLoop, generation: int, setting: FeltSetting | None) -> None:
+    def _change(self, loop: ServoLoop, generation: int, setting: HapticSetting | None) -> None:
         loop.given[:] = 0.0
         for hand, device in enumerate(self._devices):
             with suppress(DeviceError):  # the next exchange says so again
@@ -295,7 +295,7 @@ class ServoEnd:
             except ValueError as error:
                 loop.ended = True
                 with suppress(OSError):
-                    self._pipe.send(("unfelt", str(error)))
+                    self._pipe.send(("not_rendered", str(error)))
         self._generation = generation
         self._hooks[:, PEAK] = -np.inf
 
@@ -305,7 +305,7 @@ def _serve(
     shared: Any,
     named: Sequence[tuple[str, DeviceOptions]],
     settings: LoopSettings,
-    setting: FeltSetting,
+    setting: HapticSetting,
 ) -> None:
     """Open the devices, render the settings and report why it ended: the process."""
     for number in (signal.SIGINT, signal.SIGTERM):  # the trainer ends it by its pipe
@@ -322,11 +322,11 @@ def _serve(
         with suppress(OSError):
             pipe.send(("failed", str(error)))
         return
-    felt = ServoEnd(np.frombuffer(shared), pipe, devices)
+    servo_end = ServoEnd(np.frombuffer(shared), pipe, devices)
     with suppress(OSError):
         pipe.send(("open", ", ".join(device.name for device in devices)))
     servo = Servo(devices, loop, real_time(), keeps=False)
-    report = servo.run(None, felt.stopped, lambda: felt.watch(loop))
+    report = servo.run(None, servo_end.stopped, lambda: servo_end.watch(loop))
     with suppress(OSError):
         pipe.send(("ended", report))
     pipe.close()

@@ -48,9 +48,9 @@ def _plan(times: Array, places: Array, period: float, time: float, at: Array, sp
     part = u * u * u * (10.0 + u * (6.0 * u - 15.0))
     rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / seconds
     for j in range(3):
-        way = places[i, j] - places[i - 1, j]
-        at[j] = places[i - 1, j] + part * way
-        speed[j] = rate * way
+        displacement = places[i, j] - places[i - 1, j]
+        at[j] = places[i - 1, j] + part * displacement
+        speed[j] = rate * displacement
     return i - 1
 
 
@@ -89,12 +89,12 @@ def _advance(
             v = motion[SPEED, j]
             grip = stiffness * (wanted - known) + damping * (speed[j] - v)
             v_next = v + STEP * (motion[ACTING, j] + grip - friction * v) / mass
-            way = 0.5 * STEP * (v + v_next)
+            displacement = 0.5 * STEP * (v + v_next)
             motion[SPEED, j] = v_next
-            motion[PLACE, j] += way
-            motion[WORK, BY_HAND] += grip * way
-            motion[WORK, BY_MOTORS] += motion[ACTING, j] * way
-            motion[WORK, BY_FRICTION] -= friction * v * way
+            motion[PLACE, j] += displacement
+            motion[WORK, BY_HAND] += grip * displacement
+            motion[WORK, BY_MOTORS] += motion[ACTING, j] * displacement
+            motion[WORK, BY_FRICTION] -= friction * v * displacement
     return passed
 
 

@@ -111,7 +111,7 @@ class DissectionMeasureTaker:
         self._started = True
         self._damage = duct.beam.damage.copy()
         self._before = self._broken = duct.broken
-        self._books = duct.beam.energy
+        self._energy = duct.beam.energy
         self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         self._torn = duct.torn
         self._measure_freed()
@@ -131,14 +131,14 @@ class DissectionMeasureTaker:
         """Take one tick, in which something moved or all stood still."""
         self.ticks += 1
         duct = self.duct
-        share = duct.stress_ratio
-        if share > self.peak:
-            self.peak, self.peak_station = share, duct.station
-        self._above_half += share > 0.5
-        growth = (share - self._shares[-1]) / RATE_SECONDS
+        ratio = duct.stress_ratio
+        if ratio > self.peak:
+            self.peak, self.peak_station = ratio, duct.station
+        self._above_half += ratio > 0.5
+        growth = (ratio - self._shares[-1]) / RATE_SECONDS
         if growth > 0.0:
-            self.soonest = min(self.soonest, max(1.0 - share, 0.0) / growth)
-        self._shares = (share, *self._shares[:-1])
+            self.soonest = min(self.soonest, max(1.0 - ratio, 0.0) / growth)
+        self._shares = (ratio, *self._shares[:-1])
         self._torn = duct.torn
         self._take_forces(duct.forces)
         out_of_sight = self.out_of_sight
@@ -166,20 +166,20 @@ class DissectionMeasureTaker:
                 self._turned += size * math.acos(min(max(float(force[2]) / size, -1.0), 1.0))
 
     def _take_work(self, forces: list[list[float]]) -> None:
-        """Divide the tick's work, as it is in the books, between the hands."""
+        """Divide the tick's work, as the beam counts it, between the hands."""
         # Work on the duct goes to the hands that hold it, work on rods to those that sweep; where
         # both do the same, in proportion to force times way of each.
-        duct, books = self.duct, self.duct.beam.energy
-        swept = books.rod_work - self._books.rod_work
-        held = books.work - self._books.work - swept
-        self._books = books
+        duct, now = self.duct, self.duct.beam.energy
+        swept = now.rod_work - self._energy.rod_work
+        held = now.work - self._energy.work - swept
+        self._energy = now
         places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         shares = [
             abs(f[0] * (a[0] - b[0]) + f[1] * (a[1] - b[1]) + f[2] * (a[2] - b[2]))
             for f, a, b in zip(forces, places, self._places, strict=True)
         ]
         self._places = places
-        # The books are a step behind: a hand that has just let go still gets its last share.
+        # The energies are a step behind: a hand that has just let go still gets its last part.
         holding = [i for i in range(HANDS) if duct.hands[i].node is not None]
         sweeping = [i for i in range(HANDS) if duct.rods_of(i)]
         self._holding, self._sweeping = holding or self._holding, sweeping or self._sweeping
@@ -294,9 +294,9 @@ class DissectionMeasureTaker:
             time_above_half_s=self._above_half * TICK_SECONDS,
             shortest_time_to_break_s=None if self.soonest == math.inf else self.soonest,
             work_mJ=(self._work[0], self._work[1]),
-            strand_energy_mJ=self._books.dissipated,
+            strand_energy_mJ=self._energy.dissipated,
             duct_energy_mJ=self._duct_energy,
-            economy_of_work=self._books.dissipated / work if work > 0.0 else None,
+            economy_of_work=self._energy.dissipated / work if work > 0.0 else None,
             maximum_force_N=(self._most[0], self._most[1]),
             force_time_product_N_s=(self._product[0], self._product[1]),
             maximum_instrument_force_N=self.instrument_force,

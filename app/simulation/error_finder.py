@@ -49,9 +49,9 @@ class _Watch:
     """What is known of a hand's last seconds."""
 
     __slots__ = (
-        "events", "events_start", "extremes", "front_away", "held_at", "highest",
+        "events", "events_start", "extremes", "front_away", "heading", "held_at", "highest",
         "holds", "instrument", "judged", "leaning", "most", "places", "presses", "pull",
-        "recent_holds", "turns", "way",
+        "recent_holds", "turns",
     )  # fmt: skip
 
     def __init__(self, hand: Hand) -> None:
@@ -80,7 +80,7 @@ class _Watch:
         self.turns: deque[int] = deque()
         self.presses = deque([0.0] * PULL_TICKS, maxlen=PULL_TICKS)  # N
         self.extremes = [self.places[-1][axis] for axis in range(3)]
-        self.way = [0, 0, 0]  # along each axis: 1 or -1, 0 before the first
+        self.heading = [0, 0, 0]  # along each axis: 1 or -1, 0 before the first
 
     def speed(self, ticks: int) -> float:
         """Return the tip's speed from end to end, mm/s."""
@@ -144,8 +144,8 @@ class ErrorFinder:
         state = duct.beam.state
         _COUNT(state.damage, self._damage, state.side, self._rods, self._counts)
         counts: list[list[int]] = self._counts.tolist()
-        share = duct.stress_ratio
-        self._pace.take(share)
+        stress = duct.stress_ratio
+        self._pace.take(stress)
         forces: list[list[float]] = duct.forces.tolist()
         holding = 0
         dissecting = [False] * HANDS
@@ -177,7 +177,7 @@ class ErrorFinder:
         self._take_events()
         if self._safety is not None and incidents.tick % VIEW_TICKS == 0:
             self._points = self._safety.critical_view().total
-        incidents.end_tick(self._consequence(share, out_of_sight))
+        incidents.end_tick(self._consequence(stress, out_of_sight))
 
     def _take_events(self) -> None:
         """Note what tore, was clipped or was divided in this tick."""
@@ -276,12 +276,12 @@ class ErrorFinder:
                         consequence=harm, d=away, s=seconds, ml=lost, name=name,
                     )  # fmt: skip
 
-    def _consequence(self, share: float, out_of_sight: int) -> Consequence:
+    def _consequence(self, stress: float, out_of_sight: int) -> Consequence:
         if self._torn:
             return "injury"
         if out_of_sight:
             return "minor"
-        if share > self._most_share or self._pace.too_fast:
+        if stress > self._most_share or self._pace.too_fast:
             return "near miss"
         return "none"
 
@@ -337,12 +337,12 @@ class ErrorFinder:
         now, before = watch.places[-1], watch.places[0]
         for axis in range(3):
             away = now[axis] - watch.extremes[axis]
-            if away * watch.way[axis] > 0.0:
+            if away * watch.heading[axis] > 0.0:
                 watch.extremes[axis] = now[axis]
             elif abs(away) > TURN_MM:
-                if watch.way[axis]:
+                if watch.heading[axis]:
                     watch.turns.append(tick)
-                watch.extremes[axis], watch.way[axis] = now[axis], 1 if away > 0.0 else -1
+                watch.extremes[axis], watch.heading[axis] = now[axis], 1 if away > 0.0 else -1
         while watch.turns and (tick - watch.turns[0]) * TICK_SECONDS > stir["seconds"]:
             watch.turns.popleft()
         while watch.events and (tick - watch.events[0][0]) * TICK_SECONDS > plough["seconds"]:
@@ -403,7 +403,7 @@ class ErrorFinder:
         self, i: int, watch: _Watch, force: list[float], parted: int, other_dissects: bool
     ) -> None:
         incidents, limits = self.incidents, self.incidents.limits
-        at, share = watch.held_at, self._pace.share
+        at, stress = watch.held_at, self._pace.ratio
         size = math.hypot(*force)
         watch.most = max(watch.most, size)
         pull = watch.pull
@@ -427,10 +427,10 @@ class ErrorFinder:
         if self._duct.specimen.anatomy is None:
             self._judge_lean(i, at)
         most = limits["over_lifted"]["most"]
-        if share > most:
+        if stress > most:
             incidents.note(
-                "over_lifted", i, at, share,
-                p=100.0 * share, m=watch.places[-1][2], most=100.0 * most,
+                "over_lifted", i, at, stress,
+                p=100.0 * stress, m=watch.places[-1][2], most=100.0 * most,
             )  # fmt: skip
         self._pace.judge(i, at, watch.speed(PULL_TICKS), parted=parted > 0)
 

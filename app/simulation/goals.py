@@ -137,8 +137,8 @@ class _Staying:
             if taker.deflection_mm <= (goal.return_below or 0.0):
                 self._next()
         else:
-            way = (value - self._rest) / (self._edge - self._rest) if self._edge else 1.0
-            self._near = max(self._near, min(way, 1.0))
+            approach = (value - self._rest) / (self._edge - self._rest) if self._edge else 1.0
+            self._near = max(self._near, min(approach, 1.0))
             there = taker.held and goal.low <= value <= goal.high
             self._ticks = min(self._ticks + 1, self._wanted) if there else 0
             self._longest = max(self._longest, self._ticks)

@@ -221,12 +221,12 @@ class MeasureTaker:
         assert self._start is not None and self._last is not None  # noqa: S101, PT018
         one, two, three = self._last
         if self._held >= 1:
-            way = math.dist(hook, one)
-            self._path += way
+            step = math.dist(hook, one)
+            self._path += step
             self._moving += 1
-            if way > self._peak:
-                self._peak, self._slowed = way, False
-            elif way <= SLOW * self._peak:
+            if step > self._peak:
+                self._peak, self._slowed = step, False
+            elif step <= SLOW * self._peak:
                 self._slowed = True
             self._farthest = max(self._farthest, math.dist(hook, self._start))
         # Third difference: jerk times the tick's length cubed.

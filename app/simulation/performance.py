@@ -188,8 +188,8 @@ class _Hands:
             if getattr(step, key) is None:
                 raise ValueError(f"{name}, {step.do}, needs {key}")
         if step.do == "lead":
-            ways = sum(each is not None for each in (step.to_mm, step.by_mm, step.tube))
-            if ways != 1:
+            targets = sum(each is not None for each in (step.to_mm, step.by_mm, step.tube))
+            if targets != 1:
                 raise ValueError(f"{name}, lead, needs one of to_mm, by_mm and tube with at_mm")
         if step.tube is not None:
             names = self.tissue.tubes.names
@@ -238,8 +238,8 @@ class _Hands:
         elif step.do == "release":
             session.release(hand)
         elif step.do in ("aim", "spread"):
-            way = self._in_frame(step, step.direction or (0, 0, 0))
-            (session.aim if step.do == "aim" else session.spread)(hand, way.tolist())
+            given = self._in_frame(step, step.direction or (0, 0, 0))
+            (session.aim if step.do == "aim" else session.spread)(hand, given.tolist())
         elif step.do == "suck":
             session.suck(hand, float(step.rate_ml_s or 0.0))
         elif step.do == "clip":
@@ -320,9 +320,9 @@ class _Hands:
         at = np.array([float(step.at_mm or 0.0)])
         return float(np.interp(at, tube.stations, tube.radius)[0])
 
-    def _in_frame(self, step: Step, way: Point) -> Floats:
+    def _in_frame(self, step: Step, given: Point) -> Floats:
         """Return a direction or distance in the anatomy's frame."""
-        vector = np.array(way, dtype=np.float64)
+        vector = np.array(given, dtype=np.float64)
         if step.tube is None:
             return vector
         beam, name = self.tissue.beam, step.tube

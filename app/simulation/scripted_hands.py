@@ -224,10 +224,10 @@ def _front(session: Session, exercise: Exercise) -> float:
     return goal.to_mm - goal.freed(session.spatial.freed_stretches())
 
 
-def _steps(way: float, speed: float) -> list[float]:
+def _steps(distance: float, speed: float) -> list[float]:
     """Return how far a hand has come at each tick of an even way, mm."""
-    ticks = max(1, math.ceil(abs(way) / (speed * TICK_SECONDS)))
-    return [way * tick / ticks for tick in range(1, ticks + 1)]
+    ticks = max(1, math.ceil(abs(distance) / (speed * TICK_SECONDS)))
+    return [distance * tick / ticks for tick in range(1, ticks + 1)]
 
 
 def _rest() -> Iterator[None]:

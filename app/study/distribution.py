@@ -160,5 +160,5 @@ def distribution_of(shape: str, given: dict[str, float]) -> Distribution:
 
 
 def _words(family: Shape) -> str:
-    ways = " or ".join(" and ".join(names) for names in family.given_by)
-    return f"{ways}; low and high cut it off" if family.optional else ways
+    pairs = " or ".join(" and ".join(names) for names in family.given_by)
+    return f"{pairs}; low and high cut it off" if family.optional else pairs

@@ -262,26 +262,26 @@ def _one_varied(
     kind: Input, given: object, place: str, lines: _Lines
 ) -> Distribution | Choices | tuple[Value, ...]:
     table = _table(given, place, lines)
-    ways = [name for name in ("distribution", "choices", "grid") if name in table]
-    if len(ways) != 1:
+    kinds = [name for name in ("distribution", "choices", "grid") if name in table]
+    if len(kinds) != 1:
         raise lines.wrong(place, "must have one of distribution, choices and grid")
-    if ways[0] == "distribution":
+    if kinds[0] == "distribution":
         return _distribution(kind, table, place, lines)
-    values = table[ways[0]]
-    extra = set(table) - {ways[0], "weights" if ways[0] == "choices" else ways[0]}
+    values = table[kinds[0]]
+    extra = set(table) - {kinds[0], "weights" if kinds[0] == "choices" else kinds[0]}
     if extra:
-        raise lines.wrong(f"{place}.{min(extra)}", f"does not go with {ways[0]}")
+        raise lines.wrong(f"{place}.{min(extra)}", f"does not go with {kinds[0]}")
     if not isinstance(values, list) or not values:
-        raise lines.wrong(f"{place}.{ways[0]}", "must be a list of one value or more")
+        raise lines.wrong(f"{place}.{kinds[0]}", "must be a list of one value or more")
     for each in values:
         try:
             kind.check(each)
         except ValueError as error:
-            raise lines.wrong(f"{place}.{ways[0]}", str(error)) from None
+            raise lines.wrong(f"{place}.{kinds[0]}", str(error)) from None
     found = tuple(_value(each) for each in values)
     if len(set(found)) < len(found):
-        raise lines.wrong(f"{place}.{ways[0]}", "has a value twice")
-    if ways[0] == "grid":
+        raise lines.wrong(f"{place}.{kinds[0]}", "has a value twice")
+    if kinds[0] == "grid":
         return found
     weights = table.get("weights", [1.0] * len(found))
     if (

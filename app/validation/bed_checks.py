@@ -94,16 +94,16 @@ def elastica() -> BedCheck:
 
 def pushed() -> BedCheck:
     """Push one end of a pinned column in by 0.2 mm: beyond its buckling load [Timoshenko 1961]."""
-    span, bending, way = 100.0, 100.0, 0.2
+    span, bending, shortening = 100.0, 100.0, 0.2
     beam = _beam(span, 100, (1e4, 1e7, bending), ends=("pinned", "roller"))
-    hand = Hand(at=span, path=((-way, 0.0, 0.0),), steps=4, along=(True, False, False))
+    hand = Hand(at=span, path=((-shortening, 0.0, 0.0),), steps=4, along=(True, False, False))
     history = pull(beam, None, [hand])
     critical = bending * (math.pi / span) ** 2
     return BedCheck(
         "Column pushed beyond its buckling load (Timoshenko 1961)",
         "force, N",
         -float(history.forces[-1, 0, 0]),
-        critical * (1.0 + 0.5 * way / span),
+        critical * (1.0 + 0.5 * shortening / span),
         history.residual_ratio,
     )
 

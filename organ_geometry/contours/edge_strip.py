@@ -105,14 +105,14 @@ def _closed_path(cost: NDArray[np.float64], bend: float) -> NDArray[np.intp]:
     turns = 3
     choices = np.zeros((turns * count, width), dtype=np.intp)
     total = cost[0].copy()
-    ways = np.full((3, width), np.inf)
+    paths = np.full((3, width), np.inf)
     for row in range(1, turns * count):
-        ways[0, 1:] = total[:-1] + bend
-        ways[1] = total
-        ways[2, :-1] = total[1:] + bend
-        best = ways.argmin(axis=0)
+        paths[0, 1:] = total[:-1] + bend
+        paths[1] = total
+        paths[2, :-1] = total[1:] + bend
+        best = paths.argmin(axis=0)
         choices[row] = best
-        total = ways[best, np.arange(width)] + cost[row % count]
+        total = paths[best, np.arange(width)] + cost[row % count]
     path = np.zeros(turns * count, dtype=np.intp)
     path[-1] = int(total.argmin())
     for row in range(turns * count - 1, 0, -1):

@@ -80,8 +80,8 @@ def _shifted(traced: TracedOrgan, shift_mm: float, stack: ImageStack) -> TracedO
             sections.append(section.grown(shift_mm, stack.pixel_size))
         except NothingLeft as error:
             problems[section.index] = str(error)
-    way = "out" if shift_mm > 0.0 else "in"
-    note = f"edges are moved {way} by {abs(shift_mm):.4g} mm, as asked"
+    direction = "out" if shift_mm > 0.0 else "in"
+    note = f"edges are moved {direction} by {abs(shift_mm):.4g} mm, as asked"
     return replace(traced, sections=tuple(sections), problems=problems, notes=(*traced.notes, note))
 
 

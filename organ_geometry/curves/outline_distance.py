@@ -58,11 +58,11 @@ def outline_feet(
         start = min(max(start, 0), columns - 1)
         # To both ways from there, the bottom and the top side of each column; then the two upright
         # sides that close the outline at its right and left end.
-        for way in range(-1, 2, 2):
-            column = start if way > 0 else start - 1
+        for direction in range(-1, 2, 2):
+            column = start if direction > 0 else start - 1
             while 0 <= column < columns:
-                near = column if way > 0 else column + 1
-                off = way * (x - _between(outlines, k, after, share, near, 0))
+                near = column if direction > 0 else column + 1
+                off = direction * (x - _between(outlines, k, after, share, near, 0))
                 if off > 0.0 and off * off > _FURTHER * best:
                     break
                 for half in range(2):
@@ -70,7 +70,7 @@ def outline_feet(
                     away, along = _foot(outlines, k, after, share, corner, x, y)
                     if away < best:
                         best, end, part = away, corner, along
-                column += way
+                column += direction
         for half in range(2):
             corner = 0 if half == 0 else columns + 1
             off = x - (right if half == 0 else left)

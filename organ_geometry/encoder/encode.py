@@ -128,7 +128,7 @@ def encoded_organ(
         # again each.
         def keeps(limit: float) -> bool:
             try:
-                Search(candidates(limit, None)).nearest(missed.way)
+                Search(candidates(limit, None)).nearest(missed.setting)
             except ToleranceNotMet:
                 return False
             return True

@@ -40,11 +40,11 @@ class ToleranceNotMet(Exception):  # noqa: N818
     """No encoding kept the tolerance."""
 
     def __init__(
-        self, section: int, nearest_mm: float, overall_mm: float, way: tuple[int, int, int]
+        self, section: int, nearest_mm: float, overall_mm: float, setting: tuple[int, int, int]
     ) -> None:
-        super().__init__(section, nearest_mm, overall_mm, way)
+        super().__init__(section, nearest_mm, overall_mm, setting)
         # Levels of the axis, levels of the candidates for key sections, and rotation.
-        self.way = way
+        self.setting = setting
         self.section = section  # The worst one of the nearest encoding
         # RMS distance of that section in it, and of all sections, mm.
         self.nearest_mm = nearest_mm
@@ -165,18 +165,18 @@ class Search:
             if error.nearest_mm > 1.15 * float(self._candidates.limits.max()):
                 raise
 
-    def nearest(self, way: tuple[int, int, int] | None = None) -> Encoding:
+    def nearest(self, setting: tuple[int, int, int] | None = None) -> Encoding:
         """Return the encoding in finest steps that comes nearest to the sections."""
         candidates = self._candidates
         first = candidates.depth
-        ways = (
-            [way]
-            if way is not None
+        waiting = (
+            [setting]
+            if setting is not None
             else [(levels, first, self._turn) for levels in self._levels((1, 0))]
         )
         found: list[tuple[float, tuple[int, int, int], Encoding]] = []
-        while ways:
-            levels, depth, turn = ways.pop(0)
+        while waiting:
+            levels, depth, turn = waiting.pop(0)
             sampling = candidates.sample(levels, scale_number(candidates.step_unit), depth, turn)
             keys = np.arange(sampling.candidates + 1, dtype=np.intp)
             # A sixteenth of the tolerance, at every candidate: finer ones come no nearer.
@@ -187,9 +187,14 @@ class Search:
                 return found[0][2]
             # The best of these is tried with twice the candidates too.
             deeper = depth + 1
-            if not ways and way is None and found and deeper <= min(first + 1, LARGEST_KEY_DEPTH):
+            if (
+                not waiting
+                and setting is None
+                and found
+                and deeper <= min(first + 1, LARGEST_KEY_DEPTH)
+            ):
                 levels, _, turn = found[0][1]
-                ways = [(levels, deeper, turn)]
+                waiting = [(levels, deeper, turn)]
         if not found:
             raise ValueError("the sections make no organ: their widths vanish")
         # None was kept: name the section that is off furthest, and the best way found.

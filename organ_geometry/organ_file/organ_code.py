@@ -231,10 +231,10 @@ def axis_and_frames(
     if leans.any():
         # The first and the last section lie as their images do, those between turn out of that.
         along = np.linspace(0.0, 1.0, pieces + 1) / TILTED_PART
-        for end, way in ((0, along), (1, along[::-1])):
+        for end, along_from in ((0, along), (1, along[::-1])):
             x_lean, y_lean = leans[end]
             # The lean fades out with a smooth step, 1 at the end and 0 a quarter of the way in.
-            rest = np.clip(1.0 - way, 0.0, 1.0)
+            rest = np.clip(1.0 - along_from, 0.0, 1.0)
             part = (rest * rest * (3.0 - 2.0 * rest))[:, np.newaxis]
             normals = normals + part * (x_lean * x_dirs + y_lean * y_dirs)
         normals = normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True))

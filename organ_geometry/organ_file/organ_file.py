@@ -263,12 +263,12 @@ def _pass_bends(
     levels = key_levels(depth)
     for level in range(1, depth + 1):
         for key in np.flatnonzero(levels == level):
-            for way in range(3):
-                across, row = int(way > 0), min(level, 4)
-                passed[key, way] = numbers.integer(
+            for direction in range(3):
+                across, row = int(direction > 0), min(level, 4)
+                passed[key, direction] = numbers.integer(
                     (("bend", across, row),),
                     (("bend", row),),
-                    int(bends[key, way]),
+                    int(bends[key, direction]),
                     BEND_STARTS[across][row - 1],
                     BEND_RUN_STARTS[row - 1],
                 )

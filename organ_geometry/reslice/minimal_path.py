@@ -53,23 +53,23 @@ def minimal_path(inside: NDArray[np.bool_], sizes: NDArray[np.float64]) -> Minim
     even = np.ones(coarse.shape)
     near = np.zeros(coarse.shape, dtype=np.bool_)
     for axis in range(3):
-        for way in (-1, 1):
-            near |= coarse & ~np.roll(coarse, way, axis=axis)
-    depths, _ = _shortest_ways(coarse, even, steps, np.flatnonzero(near))
+        for path in (-1, 1):
+            near |= coarse & ~np.roll(coarse, path, axis=axis)
+    depths, _ = _shortest_paths(coarse, even, steps, np.flatnonzero(near))
     depths += 0.5 * float(steps.min())
     deepest = int(np.where(coarse, depths, -1.0).argmax())
     first = _furthest(coarse, even, steps, deepest)
     last = _furthest(coarse, even, steps, first)
     share = np.where(coarse, depths, 0.0) / depths.flat[deepest]
     slowness = 1.0 / (share + _SHALLOW) ** 2
-    _, parents = _shortest_ways(coarse, slowness, steps, np.array([first]))
-    way = [last]
-    while way[-1] != first:
-        way.append(int(parents[way[-1]]))
-    places = np.stack(np.unravel_index(way, coarse.shape), axis=1) - 1
+    _, parents = _shortest_paths(coarse, slowness, steps, np.array([first]))
+    path = [last]
+    while path[-1] != first:
+        path.append(int(parents[path[-1]]))
+    places = np.stack(np.unravel_index(path, coarse.shape), axis=1) - 1
     # The middle of a voxel made of several.
     points = (places + 0.5) * steps - 0.5 * sizes[::-1]
-    return MinimalPath(points[::-1, ::-1].copy(), depths.ravel()[way][::-1].copy())
+    return MinimalPath(points[::-1, ::-1].copy(), depths.ravel()[path][::-1].copy())
 
 
 def _furthest(
@@ -78,7 +78,7 @@ def _furthest(
     steps: NDArray[np.float64],
     start: int,
 ) -> int:
-    distances, _ = _shortest_ways(inside, slowness, steps, np.array([start]))
+    distances, _ = _shortest_paths(inside, slowness, steps, np.array([start]))
     return int(np.where(np.isfinite(distances), distances, -1.0).argmax())
 
 
@@ -105,7 +105,7 @@ def _coarser(inside: NDArray[np.bool_], factors: NDArray[np.intp]) -> NDArray[np
 
 
 @njit(cache=True)
-def _shortest_ways(
+def _shortest_paths(
     inside: NDArray[np.bool_],
     slowness: NDArray[np.float64],
     steps: NDArray[np.float64],
@@ -140,12 +140,12 @@ def _shortest_ways(
         time, here = heapq.heappop(heap)
         if time > times[here]:  # reached sooner since this entry was made
             continue
-        for way in range(26):
-            there = here + jumps[way]
+        for path in range(26):
+            there = here + jumps[path]
             if not inner[there]:
                 continue
             # Time over a jump: its length at the mean slowness of both ends (trapezoid rule).
-            later = time + 0.5 * (slow[here] + slow[there]) * lengths[way]
+            later = time + 0.5 * (slow[here] + slow[there]) * lengths[path]
             if later < times[there]:
                 times[there] = later
                 before[there] = here

@@ -65,10 +65,10 @@ def avulse(
     space = SpaceBeam.of(beam, law=law, elements=elements, ends=("clamped", "free"))
     live = BeamOnBed(space, plane=True)
     tip = live.take(beam.span)
-    rest, way = live.rest_place(tip), np.array([math.cos(angle), 0.0, math.sin(angle)])
+    rest, direction = live.rest_place(tip), np.array([math.cos(angle), 0.0, math.sin(angle)])
 
     def stress(moved: float) -> float:
-        live.lead(tip, rest + moved * way)
+        live.lead(tip, rest + moved * direction)
         live.advance()
         return live.worst_stress().total
 

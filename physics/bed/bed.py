@@ -198,11 +198,11 @@ class Bed:
         spread = np.zeros(self.strands)
         if self.around is not None:
             spread = self.around * (2.0 * drawn[1] - 1.0)
-        way: Floats = foot - place
-        away = np.sqrt((way**2).sum(axis=1))
+        direction: Floats = foot - place
+        away = np.sqrt((direction**2).sum(axis=1))
         front = {"facing": 0.0, "front": 1.0, "back": -1.0}[side]
-        ends = place + radius[:, None] * _around(way, along, spread, front)
-        feet = foot + thick[:, None] * _around(-way, foot_along, -spread, front)
+        ends = place + radius[:, None] * _around(direction, along, spread, front)
+        feet = foot + thick[:, None] * _around(-direction, foot_along, -spread, front)
         length = np.sqrt(((feet - ends) ** 2).sum(axis=1))
         both = radius + thick
         there: NDArray[np.bool_] = (
@@ -280,10 +280,10 @@ class Bed:
         return np.asarray(np.interp(at, self.stations, value), dtype=np.float64)
 
 
-def _around(way: Floats, along: Floats, angle: Floats, front: float) -> Floats:
+def _around(direction: Floats, along: Floats, angle: Floats, front: float) -> Floats:
     """Return (S, 3) unit directions across axes, at angles from ways that lead to another tube."""
     # A layer in front has its angles turned by `FORWARD` of what there is to straight forward.
-    first = way - (way * along).sum(axis=1)[:, None] * along
+    first = direction - (direction * along).sum(axis=1)[:, None] * along
     first /= np.maximum(np.sqrt((first**2).sum(axis=1)), 1e-9)[:, None]
     second = np.cross(along, first)
     if front:

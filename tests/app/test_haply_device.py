@@ -13,7 +13,7 @@ from websockets.frames import Frame, Opcode
 from websockets.http11 import Request
 from websockets.server import ServerProtocol
 
-from app.haptics import felt_run
+from app.haptics import haptic_run
 from app.haptics.device import (
     Device,
     DeviceError,
@@ -220,10 +220,10 @@ def test_devices_of_one_service_are_opened_one_after_the_other(
         asked.append((name, options.address, options.number))
         return cast(Device, None)
 
-    monkeypatch.setattr(felt_run, "open_device", opened)
+    monkeypatch.setattr(haptic_run, "open_device", opened)
     other = "ws://127.0.0.1:10002"
     named = [("haply", ADDRESS), ("haply", other), ("haply", ADDRESS), ("virtual", ADDRESS)]
-    with felt_run.opened_devices([(name, DeviceOptions(at, 1e-3)) for name, at in named]):
+    with haptic_run.opened_devices([(name, DeviceOptions(at, 1e-3)) for name, at in named]):
         assert [number for _, _, number in asked] == [0, 0, 1, 0]
 
 

@@ -21,7 +21,7 @@ from app.haptics.servo_process import (
     ROW,
     BedSetting,
     DuctSetting,
-    FeltSetting,
+    HapticSetting,
     HookSnapshot,
     ServoEnd,
     ServoLink,
@@ -30,7 +30,7 @@ from app.haptics.servo_process import (
 )
 from app.haptics.virtual_device import VirtualDevice
 from app.simulation import TICK_SECONDS, Phase, Replay, bed_named
-from app.trainer.client.haptic_hand import HapticHand, felt_in
+from app.trainer.client.haptic_hand import HapticHand, setting_of
 from app.trainer.client.page_state import PageState
 from app.trainer.client.workers import Workers
 from physics import Exact, TautString
@@ -46,13 +46,13 @@ class Servo:
 
     device: str = "a spoon"
     ended: str | None = None
-    unfelt: str | None = None
+    not_rendered: str | None = None
     hands: int = 1
-    felt: list[FeltSetting | None] = field(default_factory=list[FeltSetting | None])
+    felt: list[HapticSetting | None] = field(default_factory=list[HapticSetting | None])
     now: Snapshot = field(default_factory=lambda: Snapshot(0, False, (hook(),)))
     stopped: bool = False
 
-    def feel(self, setting: FeltSetting | None) -> int:
+    def feel(self, setting: HapticSetting | None) -> int:
         self.felt.append(setting)
         self.now = Snapshot(len(self.felt), False, (hook(),))
         return len(self.felt)
@@ -96,7 +96,7 @@ def test_the_hand_leads_the_session_and_the_run_is_made_again(
 ) -> None:
     hand, servo, page = led
     assert page.device == "a spoon"
-    assert servo.felt == [felt_in(page.session)]
+    assert servo.felt == [setting_of(page.session)]
     servo.pull(0.2)
     go(hand, page)
     assert not page.session.run.started  # a touch begins no run
@@ -151,7 +151,7 @@ def test_what_the_session_solves_is_what_is_felt(led: tuple[HapticHand, Servo, P
     go(hand, page, 1)
     assert servo.felt[-1] is None  # no force while time stands still
     page.set_paused(False)
-    servo.unfelt = "theory string cannot be felt"
+    servo.not_rendered = "theory string cannot be felt"
     page.session.choose_theory(TautString())
     go(hand, page, 3)
     assert said(page).count("The device has no force: theory string cannot be felt.") == 1
@@ -192,7 +192,7 @@ class StepwiseServo(ServoLink):
         pipe = cast(Any, Mailbox())
         row = np.zeros(HEAD + ROW * len(scripts))
         super().__init__(row, pipe)
-        setting = felt_in(pull_session(phantom(), vertices=300))
+        setting = setting_of(pull_session(phantom(), vertices=300))
         model = setting.model(1.0, settings.period, len(scripts))
         self.loop = ServoLoop(model, settings, self.devices[0].limits, len(scripts))
         self.end = ServoEnd(row, pipe, self.devices)
@@ -387,7 +387,7 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told(monkeypatch: pytest.Mo
     session = pull_session(phantom(), vertices=300)
     path = (Waypoint(0.3, (0.0, 0.0, 0.0)), Waypoint(1.3, (0.0, 0.0, 9.0)))
     script = HandScript(path=path, hand=SimulatedHand(stiffness_N_per_m=900.0))
-    setting = felt_in(session)
+    setting = setting_of(session)
     servo = ServoProcess([("virtual", DeviceOptions("", 0.001, script))], LoopSettings(), setting)
     try:
         assert servo.device == "virtual device"
@@ -410,9 +410,9 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told(monkeypatch: pytest.Mo
         servo.lead(touch, [True])
         until(lambda: servo.snapshot().hooks[0].station == pytest.approx(tips[0, 0], abs=2.0))
         servo.feel(replace(setting, theory=TautString()))
-        until(lambda: servo.ended or servo.unfelt)
-        assert servo.unfelt is not None
-        assert "cannot be felt" in servo.unfelt
+        until(lambda: servo.ended or servo.not_rendered)
+        assert servo.not_rendered is not None
+        assert "cannot be felt" in servo.not_rendered
         assert servo.ended is None
     finally:
         servo.stop()
@@ -423,6 +423,6 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told(monkeypatch: pytest.Mo
 
 
 def test_a_device_that_cannot_be_opened_is_said_in_the_trainers_words() -> None:
-    setting = felt_in(pull_session(phantom(), vertices=300))
+    setting = setting_of(pull_session(phantom(), vertices=300))
     with pytest.raises(DeviceError, match="unknown device 'spoon'"):
         ServoProcess([("spoon", DeviceOptions("", 0.001))], LoopSettings(), setting)

@@ -22,10 +22,10 @@ from app.haptics.duct_choice import (
     passive_delay,
     played_again,
 )
-from app.haptics.felt_bed import FeltBed
-from app.haptics.felt_duct import FeltDuct
-from app.haptics.felt_run import felt_run
 from app.haptics.hand import HandScript, SimulatedHand, SimulatedHardware, Waypoint
+from app.haptics.haptic_beam import HapticBeam
+from app.haptics.haptic_bed import HapticBed
+from app.haptics.haptic_run import run_haptics
 from app.haptics.regulator import BRAKED, LEAST, MADE, MODELLED, SAMPLED, WITHHELD, WORK
 from app.haptics.servo import Servo
 from app.haptics.servo_loop import CLUTCH, FRESH, LIVE, PLACE_UNIT, TAKE, LoopSettings, ServoLoop
@@ -64,34 +64,34 @@ class Felt:
     hooks: np.ndarray[tuple[int], np.dtype[np.float64]]
     forces: np.ndarray[tuple[int], np.dtype[np.float64]]
     given: np.ndarray[tuple[int, int], np.dtype[np.float64]]
-    books: np.ndarray[tuple[int, int], np.dtype[np.float64]]
+    energies: np.ndarray[tuple[int, int], np.dtype[np.float64]]
     left: np.ndarray[tuple[int], np.dtype[np.float64]]  # of the work on the model, by its own books
 
 
-def felt(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 1000,
+def rendered(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 1000,
          seconds: float = 3.0, coupling: float = 1.0, scale: float = 1.0, retrace: bool = False,
          stalled: Callable[[int], bool] = lambda _: False) -> Felt:  # fmt: skip
     how = LoopSettings(rate, scale)
     device = VirtualDevice(DeviceOptions("", how.period, script))
-    duct = (chosen or choice()).felt(coupling, how.period, retrace=retrace)
+    duct = (chosen or choice()).haptic_model(coupling, how.period, retrace=retrace)
     loop = ServoLoop(duct, how, device.limits)
     model, state, rows = loop.model, DeviceState(), round(seconds * rate)
     hooks, forces, left = np.zeros(rows), np.zeros(rows), np.zeros(rows)
-    given, books = np.zeros((rows, 3)), np.zeros((rows, 8))
+    given, energies = np.zeros((rows, 3)), np.zeros((rows, 8))
     for row in range(rows):
         device.exchange(loop.given[0], state)
         units = np.rint(state.position[None, :] / PLACE_UNIT).astype(np.int64)
         if not stalled(row):  # otherwise the device goes on under the last force
             loop.step(units, [FRESH | LIVE])
         hooks[row], forces[row] = model.hooks[0, 2], model.forces[0, 2]
-        given[row], books[row] = loop.given[0], loop.regulator.books
-        left[row] = books[row, MODELLED] - (model.stored + model.spent + model.released) / scale
-    return Felt(loop, device, hooks, forces, given, books, left)
+        given[row], energies[row] = loop.given[0], loop.regulator.energies
+        left[row] = energies[row, MODELLED] - (model.stored + model.spent + model.released) / scale
+    return Felt(loop, device, hooks, forces, given, energies, left)
 
 
 @pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(NeoHooke())])
 def test_the_force_is_the_theorys_at_the_hooks_place(theory: Theory) -> None:
-    run = felt(hand(), choice(theory, 20.0))
+    run = rendered(hand(), choice(theory, 20.0))
     assert run.hooks.max() > 5.0
     beam = choice(theory, 20.0).specimen.beam
     for row in range(0, len(run.hooks), 50):
@@ -128,10 +128,10 @@ def hands(most: float = 25.0) -> st.SearchStrategy[HandScript]:
 
 def unexplained(run: Felt) -> float:
     """What the books leave of the hand's work, over all periods, in parts of its peak."""
-    books, left = run.books, run.left
-    named = books[:, [MODELLED, SAMPLED, BRAKED, WITHHELD]].sum(axis=1)
-    peak = max(float(np.abs(books[:, WORK]).max()), 1e-2)  # mJ; less is no pull
-    assert np.abs(books[:, WORK] - named).max() < 1e-12 * max(peak, 1.0)
+    energies, left = run.energies, run.left
+    named = energies[:, [MODELLED, SAMPLED, BRAKED, WITHHELD]].sum(axis=1)
+    peak = max(float(np.abs(energies[:, WORK]).max()), 1e-2)  # mJ; less is no pull
+    assert np.abs(energies[:, WORK] - named).max() < 1e-12 * max(peak, 1.0)
     return float(np.abs(left).max()) / peak
 
 
@@ -147,11 +147,11 @@ def test_the_work_of_any_hand_is_stored_or_dissipated_to_a_millionth(
     script: HandScript, theory: Theory, rate: int
 ) -> None:
     seconds = min(script.path[-1].time_s + 0.1, 2.7)
-    run = felt(script, choice(theory), rate=rate, seconds=seconds)
+    run = rendered(script, choice(theory), rate=rate, seconds=seconds)
     assert unexplained(run) < 1e-6
     if script.path is TO_THE_TEAR:
         assert run.loop.model.torn
-        assert run.books[:, WORK].max() > 3.0
+        assert run.energies[:, WORK].max() > 3.0
 
 
 @settings(deadline=None, max_examples=5)
@@ -161,23 +161,23 @@ def test_the_work_of_any_hand_in_a_bed_is_stored_dissipated_or_released(
 ) -> None:
     """To what the trapezoidal rule of the bed's own books leaves open; without `released` 1e-2."""
     seconds = script.path[-1].time_s + 0.1
-    run = felt(script, in_bed(bed), seconds=seconds)
+    run = rendered(script, in_bed(bed), seconds=seconds)
     assert unexplained(run) < 3e-4  # 6e-5 at worst in 250, 2e-7 in the median
-    again = felt(script, in_bed(bed), seconds=seconds, retrace=True)
+    again = rendered(script, in_bed(bed), seconds=seconds, retrace=True)
     assert np.array_equal(again.given, run.given)
     assert unexplained(again) < 1e-5
     model = run.loop.model
-    assert isinstance(model, FeltBed)
+    assert isinstance(model, HapticBed)
     if not model.torn:
         # Nothing of it is ours.
         assert run.left[-1] == pytest.approx(model.beam.energy.residual, abs=1e-11)
 
 
 def test_what_the_motors_did_is_what_the_loop_has_booked() -> None:
-    run = felt(hand(device={"force_rate_limit_N_per_s": 1e6}))
+    run = rendered(hand(device={"force_rate_limit_N_per_s": 1e6}))
     by_motors = 1e3 * run.device.simulated.work[1]
     # The last force still acts when the device's books are closed.
-    assert run.books[-1, WORK] == pytest.approx(-by_motors, abs=2e-4)
+    assert run.energies[-1, WORK] == pytest.approx(-by_motors, abs=2e-4)
 
 
 @pytest.mark.parametrize("reaction", [1.0, 5.0])
@@ -187,13 +187,13 @@ def test_a_stiff_hand_with_a_delay_is_steady(reaction: float, latency: float) ->
         device={"latency_ms": latency}, reaction_delay_ms=reaction,
         stiffness_N_per_m=1e4 * STIFFNESS, damping_N_s_per_m=12.0,
     )  # fmt: skip
-    run = felt(script, choice(Exact()))
+    run = rendered(script, choice(Exact()))
     held = run.forces[1400:1600]
     assert held.mean() > 1.0
     assert held.std() < 2e-3
     assert np.abs(np.diff(run.given[:, 2])).max() < 0.1
-    assert run.books[:, MADE].max() < 0.02  # uJ twenty: the bound that is stated
-    assert run.books[:, LEAST].min() > -0.02
+    assert run.energies[:, MADE].max() < 0.02  # uJ twenty: the bound that is stated
+    assert run.energies[:, LEAST].min() > -0.02
 
 
 def moved(seed: int, settings: LoopSettings, millimetres: float) -> np.ndarray:
@@ -220,7 +220,7 @@ def test_no_motion_gets_energy_out_of_a_device_that_is_late(
     chosen = choice(Exact()) if bed is None else in_bed(bed)
     coupling = passive_coupling(limits, settings)
     assert passive_delay(coupling, limits, settings) == pytest.approx(1e-3 * late, abs=1e-12)
-    loop = ServoLoop(chosen.felt(coupling, settings.period), settings, limits)
+    loop = ServoLoop(chosen.haptic_model(coupling, settings.period), settings, limits)
     places = moved(seed, settings, 12.0)
     held = [np.zeros(3)] * late
     taken = work = 0.0
@@ -247,7 +247,7 @@ def test_a_coupling_that_is_too_stiff_for_a_late_device_gives_energy() -> None:
     bound = passive_coupling(limits, LoopSettings())
     given = []
     for coupling in (bound, 12.0 * bound):
-        run = felt(late, in_bed(), coupling=coupling)
+        run = rendered(late, in_bed(), coupling=coupling)
         by_motors, by_friction = run.device.simulated.work[1:]
         given.append(1e3 * (by_motors + by_friction) + run.loop.model.stored)
     assert given[0] < 0.0 < given[1]
@@ -260,15 +260,15 @@ def test_a_process_that_stalls_gives_the_hand_nothing(reaction: float, stall: in
         reaction_delay_ms=reaction, stiffness_N_per_m=1e4 * STIFFNESS, damping_N_s_per_m=12.0,
         tremor_mm=0.1,
     )  # fmt: skip
-    run = felt(script, stalled=lambda row: row % 50 < stall)
+    run = rendered(script, stalled=lambda row: row % 50 < stall)
     assert run.forces.max() > 1.0
-    assert run.books[:, LEAST].min() > -0.02
+    assert run.energies[:, LEAST].min() > -0.02
     assert 1e3 * run.device.simulated.work[1] < 0.02  # by the motors, in all
     assert np.linalg.norm(np.diff(run.given, axis=0), axis=1).max() < 0.2
 
 
 def test_a_hand_is_where_its_first_state_says_however_late_that_comes() -> None:
-    loop = ServoLoop(choice().felt(1.0), LoopSettings(), DeviceLimits(8.0, 200.0, 0.5))
+    loop = ServoLoop(choice().haptic_model(1.0), LoopSettings(), DeviceLimits(8.0, 200.0, 0.5))
     for _ in range(5):
         loop.step(np.zeros((1, 3), np.int64), [LIVE])
     far = np.array([[0, -1_200_000, 1_500_000]])
@@ -285,14 +285,14 @@ def test_the_controller_takes_out_what_sampling_makes() -> None:
          Waypoint(0.9, (0.0, 0.0, 0.5)), Waypoint(1.2, (0.0, 0.0, 9.0))),
         device={"damping_N_s_per_m": 0.0}, damping_N_s_per_m=1.0,
     )  # fmt: skip
-    run = felt(script, coupling=5.0, seconds=2.0)
-    assert run.books[-1, SAMPLED] < -0.02  # energy that was made
-    assert run.books[-1, BRAKED] > 0.5 * -run.books[-1, SAMPLED]
-    assert run.books[:, MADE].max() < 0.02
+    run = rendered(script, coupling=5.0, seconds=2.0)
+    assert run.energies[-1, SAMPLED] < -0.02  # energy that was made
+    assert run.energies[-1, BRAKED] > 0.5 * -run.energies[-1, SAMPLED]
+    assert run.energies[:, MADE].max() < 0.02
 
 
 def test_a_tear_is_felt_and_bounded() -> None:
-    run = felt(hand(TO_THE_TEAR), seconds=2.6)
+    run = rendered(hand(TO_THE_TEAR), seconds=2.6)
     torn = int(np.flatnonzero(np.diff((run.forces > 0.0).astype(int)) < 0)[-1])
     assert run.forces[torn] == pytest.approx(3.5586, rel=1e-3)
     changes = np.linalg.norm(np.diff(run.given, axis=0), axis=1)
@@ -302,12 +302,12 @@ def test_a_tear_is_felt_and_bounded() -> None:
 
 
 def test_limits_scale_and_start() -> None:
-    weak = felt(hand(device={"force_limit_N": 0.7}))
+    weak = rendered(hand(device={"force_limit_N": 0.7}))
     assert np.linalg.norm(weak.given, axis=1).max() <= 0.7 * (1.0 + 1e-12)
     assert weak.forces.max() > 1.0
-    half = felt(hand(), scale=0.5)
+    half = rendered(hand(), scale=0.5)
     assert half.hooks.max() < 5.2
-    assert half.books[-1, MODELLED] == pytest.approx(half.loop.model.stored / 0.5, abs=1e-5)
+    assert half.energies[-1, MODELLED] == pytest.approx(half.loop.model.stored / 0.5, abs=1e-5)
     assert passive_coupling(DeviceLimits(8.0, 200.0, 0.5), LoopSettings()) == 1.0  # 2 b/T
 
 
@@ -325,7 +325,7 @@ LIMITS = DeviceLimits(10.0, 200.0, 0.5)
 
 
 def test_there_is_no_force_while_states_are_missing_and_it_comes_back_softly() -> None:
-    loop = ServoLoop(choice().felt(1.0), LoopSettings(), LIMITS)
+    loop = ServoLoop(choice().haptic_model(1.0), LoopSettings(), LIMITS)
     stepped(loop, 0.0, FRESH | LIVE)
     pulled = stepped(loop, 6.0, FRESH | LIVE, 500)
     assert pulled < -0.5
@@ -340,15 +340,15 @@ def test_there_is_no_force_while_states_are_missing_and_it_comes_back_softly() -
 
 
 def test_the_books_close_for_a_service_that_misses_states() -> None:
-    loop = ServoLoop(choice().felt(1.0), LoopSettings(), LIMITS)
+    loop = ServoLoop(choice().haptic_model(1.0), LoopSettings(), LIMITS)
     for period in range(2000):
         stepped(loop, 4e-3 * period, LIVE if period % 50 < 10 else FRESH | LIVE)
     assert loop.model.stored > 2.0
-    assert loop.regulator.books[MODELLED] == pytest.approx(loop.model.stored, rel=2e-8)
+    assert loop.regulator.energies[MODELLED] == pytest.approx(loop.model.stored, rel=2e-8)
 
 
 def test_the_clutch_moves_the_device_without_the_hook_and_makes_no_energy() -> None:
-    loop = ServoLoop(choice().felt(1.0), LoopSettings(), LIMITS)
+    loop = ServoLoop(choice().haptic_model(1.0), LoopSettings(), LIMITS)
     stepped(loop, 0.0, FRESH | LIVE)
     for z in np.linspace(0.0, 6.0, 300).tolist():
         stepped(loop, z, FRESH | LIVE)
@@ -361,11 +361,11 @@ def test_the_clutch_moves_the_device_without_the_hook_and_makes_no_energy() -> N
     for z in np.linspace(-20.0, -26.0, 300).tolist():
         stepped(loop, z, FRESH | LIVE)
     assert loop.model.hooks[0, 2] == pytest.approx(0.0, abs=1e-9)
-    assert loop.regulator.books[WORK] > -0.02
+    assert loop.regulator.energies[WORK] > -0.02
 
 
 def test_a_button_takes_the_duct_and_lets_go() -> None:
-    loop = ServoLoop(choice().felt(1.0), LoopSettings(hold=False), LIMITS)
+    loop = ServoLoop(choice().haptic_model(1.0), LoopSettings(hold=False), LIMITS)
     stepped(loop, 0.0, FRESH | LIVE)
     assert stepped(loop, 5.0, FRESH | LIVE, 400) == 0.0
     for z in np.linspace(5.0, 9.0, 200).tolist():
@@ -379,7 +379,7 @@ def test_a_button_takes_the_duct_and_lets_go() -> None:
 
 
 def test_a_lost_hand_is_followed_along_its_way() -> None:
-    near, far = (FeltDuct(Exact(), choice().specimen.beam, (25.4,), threshold=9.0, coupling=1.0)
+    near, far = (HapticBeam(Exact(), choice().specimen.beam, (25.4,), threshold=9.0, coupling=1.0)
                  for _ in range(2))  # fmt: skip
     steps = ServoLoop(near, LoopSettings(), LIMITS)
     jump = ServoLoop(far, LoopSettings(), LIMITS)
@@ -387,14 +387,14 @@ def test_a_lost_hand_is_followed_along_its_way() -> None:
         stepped(steps, z, FRESH | LIVE)
     stepped(jump, 0.0, FRESH | LIVE)
     stepped(jump, 3.0, FRESH | LIVE)
-    works = [loop.regulator.books[MODELLED] for loop in (steps, jump)]
+    works = [loop.regulator.energies[MODELLED] for loop in (steps, jump)]
     assert works[1] == pytest.approx(works[0], rel=1e-6)
     assert works[1] == pytest.approx(far.stored, rel=1e-6)
 
 
 def test_a_second_hook_helps() -> None:
     alone, helped = choice(Exact(), 20.0), choice(Exact(), 20.0, 34.0)
-    one, two = (each.felt(1.0) for each in (alone, helped))
+    one, two = (each.haptic_model(1.0) for each in (alone, helped))
     loops = [ServoLoop(model, LoopSettings(), LIMITS) for model in (one, two)]
     loops[1].assist(1, 0.0)
     for loop in loops:
@@ -407,12 +407,12 @@ def test_a_second_hook_helps() -> None:
         stepped(loops[1], 5.0, FRESH | LIVE)
     assert two.forces[1, 2] > 0.3
     assert two.forces[0, 2] < before  # the assistant takes over what the first had to bear
-    total = loops[1].regulator.books[MODELLED] + loops[1].assist_work
+    total = loops[1].regulator.energies[MODELLED] + loops[1].assist_work
     assert total == pytest.approx(two.stored, rel=1e-6)
 
 
 def test_the_work_of_a_second_hook_that_is_left_somewhere_is_stored() -> None:
-    model = choice(Exact(), 15.4, 35.4).felt(1.0)
+    model = choice(Exact(), 15.4, 35.4).haptic_model(1.0)
     loop = ServoLoop(model, LoopSettings(), LIMITS)
     loop.assist(1, 5.0)
     stepped(loop, 0.0, FRESH | LIVE)
@@ -421,7 +421,7 @@ def test_the_work_of_a_second_hook_that_is_left_somewhere_is_stored() -> None:
 
 
 def test_two_hands_on_two_hooks_share_a_symmetric_duct() -> None:
-    model = choice(Exact(), 15.0, 50.8 - 15.0).felt(1.0)
+    model = choice(Exact(), 15.0, 50.8 - 15.0).haptic_model(1.0)
     loop = ServoLoop(model, LoopSettings(), LIMITS, hands=2)
     for z in np.linspace(0.0, 5.0, 400).tolist():
         loop.step(np.vstack([units(z), units(z)]), [FRESH | LIVE] * 2)
@@ -441,7 +441,7 @@ def test_the_work_of_two_hands_is_stored_to_a_millionth(
 ) -> None:
     """With states up to `oldest` seconds late as well, so that the hands move by turns."""
     late = np.random.default_rng(1).uniform(0.0, oldest, (1200, 2))
-    loop = ServoLoop(choice(Exact(), 15.0, second).felt(1.0), LoopSettings(), LIMITS, 2)
+    loop = ServoLoop(choice(Exact(), 15.0, second).haptic_model(1.0), LoopSettings(), LIMITS, 2)
     worst = peak = 0.0
     for period in range(
         1200
@@ -451,7 +451,7 @@ def test_the_work_of_two_hands_is_stored_to_a_millionth(
         heights = np.array([6.0, 4.0]) * np.sin(np.pi * times * np.array([1.1, 0.9]))
         places = np.rint(1e-3 / PLACE_UNIT * heights).astype(np.int64)
         loop.step(np.array([[0, 0, place] for place in places]), [FRESH | LIVE] * 2)
-        work = float(loop.regulator.books[MODELLED])
+        work = float(loop.regulator.energies[MODELLED])
         peak = max(peak, work)
         worst = max(worst, abs(work - loop.model.stored))
     assert peak > 1.0
@@ -470,18 +470,18 @@ UP_AND_DOWN = (
 
 def test_strands_that_part_take_what_the_hand_puts_in_and_never_knock() -> None:
     """The hand's work is what the law has dissipated; the force changes in small steps."""
-    run = felt(hand(UP_AND_DOWN, tremor_mm=0.1), in_bed(), seconds=3.9)
+    run = rendered(hand(UP_AND_DOWN, tremor_mm=0.1), in_bed(), seconds=3.9)
     model = run.loop.model
-    assert isinstance(model, FeltBed)
+    assert isinstance(model, HapticBed)
     assert model.parted > 200
     assert not model.torn
     assert model.stored < 0.01
-    peak = run.books[:, WORK].max()
+    peak = run.energies[:, WORK].max()
     assert unexplained(run) < 1e-5
     assert abs(model.released) < 0.01 * peak  # by one Newton step a period
     assert model.spent > 0.3 * peak
-    assert run.books[:, MADE].max() < 0.02
-    assert run.books[:, LEAST].min() > -0.02
+    assert run.energies[:, MADE].max() < 0.02
+    assert run.energies[:, LEAST].min() > -0.02
     changes = np.linalg.norm(np.diff(run.given, axis=0), axis=1)
     assert changes.max() < 0.05
 
@@ -489,13 +489,13 @@ def test_strands_that_part_take_what_the_hand_puts_in_and_never_knock() -> None:
 @pytest.mark.parametrize(("bed", "grasp"), [("firm", 25.4), ("loose", 13.0), ("inflamed", 38.0)])
 def test_a_hand_at_rest_in_a_bed_feels_the_force_of_the_equilibrium(bed: str, grasp: float) -> None:
     chosen = DuctChoice.of(Specimen(DUCT, bed=bed_named(bed)), grasp)
-    loop = ServoLoop(chosen.felt(1.0), LoopSettings(), LIMITS)
+    loop = ServoLoop(chosen.haptic_model(1.0), LoopSettings(), LIMITS)
     for z in np.linspace(0.0, 3.0, 300).tolist():
         stepped(loop, z, FRESH | LIVE)
     stepped(loop, 3.0, FRESH | LIVE, 700)
-    felt, still = loop.model, chosen.felt(1.0)
-    assert isinstance(felt, FeltBed)
-    assert isinstance(still, FeltBed)
+    felt, still = loop.model, chosen.haptic_model(1.0)
+    assert isinstance(felt, HapticBed)
+    assert isinstance(still, HapticBed)
     node = still.beam.take(grasp)
     still.beam.lead(node, still.beam.places[node] + felt.hooks[0])
     still.beam.advance()
@@ -505,7 +505,7 @@ def test_a_hand_at_rest_in_a_bed_feels_the_force_of_the_equilibrium(bed: str, gr
 
 def test_a_duct_that_is_freed_is_softer_than_in_its_bed() -> None:
     """Down and up again along a duct whose strands have parted: a hand feels what it has done."""
-    run = felt(hand(UP_AND_DOWN), in_bed(), seconds=3.9)
+    run = rendered(hand(UP_AND_DOWN), in_bed(), seconds=3.9)
     high = int(np.argmax(run.hooks))
     on_the_way = float(run.hooks[high]) * 0.5
     up = run.forces[int(np.flatnonzero(run.hooks >= on_the_way)[0])]
@@ -514,9 +514,9 @@ def test_a_duct_that_is_freed_is_softer_than_in_its_bed() -> None:
 
 
 def test_too_firm_a_pull_tears_a_duct_in_its_bed_and_ends_the_force() -> None:
-    run = felt(hand(TO_THE_TEAR), in_bed("inflamed"), seconds=2.6)
+    run = rendered(hand(TO_THE_TEAR), in_bed("inflamed"), seconds=2.6)
     model = run.loop.model
-    assert isinstance(model, FeltBed)
+    assert isinstance(model, HapticBed)
     assert model.torn
     # It looks every ten steps, and saw the stress soon after it was past the threshold.
     assert 1.0 < model.beam.worst_stress().total / model.threshold < 1.05
@@ -529,7 +529,7 @@ def test_too_firm_a_pull_tears_a_duct_in_its_bed_and_ends_the_force() -> None:
 def test_a_run_in_a_bed_is_made_again_to_the_bit() -> None:
     periods = iter(range(1200))
     chosen = in_bed("loose", 34.0)
-    _, run = felt_run(
+    _, run = run_haptics(
         chosen, options(hand(UP_AND_DOWN)), LoopSettings(),
         lambda: None if next(periods, None) is not None else "enough", assist=2.0,
     )  # fmt: skip
@@ -548,7 +548,7 @@ def options(script: HandScript) -> list[tuple[str, DeviceOptions]]:
 def test_a_run_is_a_small_file_and_is_made_again_to_the_bit(tmp_path: Path) -> None:
     periods = iter(range(1500))
     chosen = choice(Exact())
-    report, run = felt_run(
+    report, run = run_haptics(
         chosen, options(hand(tremor_mm=0.05)), LoopSettings(),
         lambda: None if next(periods, None) is not None else "enough",
     )  # fmt: skip
@@ -559,7 +559,7 @@ def test_a_run_is_a_small_file_and_is_made_again_to_the_bit(tmp_path: Path) -> N
     again = read_device_run(content)
     loop, recorder, closes_to = played_again(again, chosen)
     assert recorder.forces_sha256 == run.forces_sha256 == report.forces_sha256
-    assert float(loop.regulator.books[WORK]) == report.energy_mJ.work_of_hands
+    assert float(loop.regulator.energies[WORK]) == report.energy_mJ.work_of_hands
     check = report.force_check
     assert check is not None
     assert check.largest_error < 1e-6
@@ -606,7 +606,7 @@ class Silent(VirtualDevice):
 def test_a_device_that_falls_silent_ends_the_servo(goes: bool) -> None:
     path = (Waypoint(0.0, (0.0, 0.0, 0.0)), Waypoint(0.2, (0.0, 0.0, 9.0)))
     device = Silent(hand(path), 400, goes=goes)
-    loop = ServoLoop(choice().felt(1.0), LoopSettings(), device.limits)
+    loop = ServoLoop(choice().haptic_model(1.0), LoopSettings(), device.limits)
     report = Servo([device], loop).run(20.0, lambda: None)
     assert device.closed
     assert not loop.given.any()
@@ -642,7 +642,7 @@ def test_places_that_are_no_numbers_move_nothing_and_all_devices_are_closed(
     path = (Waypoint(0.0, (0.0, 0.0, 0.0)), Waypoint(0.3, (0.0, 0.0, 6.0)))
     unsure = Unsure(DeviceOptions("", 0.001, hand(path)))
     other = Silent(hand(path), 10_000)
-    loop = ServoLoop(choice(Exact(), 15.0, 35.0).felt(1.0), LoopSettings(), other.limits, 2)
+    loop = ServoLoop(choice(Exact(), 15.0, 35.0).haptic_model(1.0), LoopSettings(), other.limits, 2)
     servo = Servo([unsure, other], loop)
     with pytest.raises(OSError, match="stuck"):
         servo.run(None, lambda: "enough" if unsure.periods == 700 else None)
@@ -657,7 +657,7 @@ def test_a_report_has_all_ducts_that_were_felt() -> None:
     heights = {0.05: 0.0, 0.2: 30.0, 0.26: 10.0, 0.4: 18.0, 0.5: 24.0}
     path = tuple(Waypoint(at, (0.0, 0.0, up)) for at, up in heights.items())
     device = VirtualDevice(DeviceOptions("", 0.001, hand(path)))
-    ducts = [choice(theory, 20.0).felt(1.0) for theory in (Cubic(), Exact(), Exact())]
+    ducts = [choice(theory, 20.0).haptic_model(1.0) for theory in (Cubic(), Exact(), Exact())]
     tearing, *others = ducts
     loop = ServoLoop(tearing, LoopSettings(), device.limits)
     servo = Servo([device], loop)
@@ -666,7 +666,7 @@ def test_a_report_has_all_ducts_that_were_felt() -> None:
 
     def balance() -> None:
         spent = loop.model.spent + loop.model.stored
-        balances.append((float(loop.regulator.books[WORK]), spent))
+        balances.append((float(loop.regulator.energies[WORK]), spent))
 
     def changed() -> None:
         nonlocal periods
@@ -675,7 +675,7 @@ def test_a_report_has_all_ducts_that_were_felt() -> None:
             balance()
             loop.feel(others.pop(0))
         elif periods == 402:  # a duct that nobody has pulled counts for nothing
-            loop.feel(choice().felt(1.0))
+            loop.feel(choice().haptic_model(1.0))
             loop.feel(ducts[-1])
 
     report = servo.run(None, lambda: "enough" if periods == 500 else None, changed)
@@ -698,17 +698,17 @@ def test_a_report_has_all_ducts_that_were_felt() -> None:
 
 def test_what_cannot_be_felt_is_refused() -> None:
     with pytest.raises(ValueError, match="take --theory exact"):
-        choice(Cubic(), 20.0, 30.0).felt(1.0)
+        choice(Cubic(), 20.0, 30.0).haptic_model(1.0)
     with pytest.raises(ValueError, match="take --theory exact"):
-        choice(Cubic(q="fitted")).felt(1.0)
+        choice(Cubic(q="fitted")).haptic_model(1.0)
     with pytest.raises(ValueError, match="coupling"):
-        choice().felt(0.0)
+        choice().haptic_model(0.0)
     with pytest.raises(ValueError, match="own sections"):
         Specimen.of_sections(preset_named("porcine-bile-duct"), None)
     with pytest.raises(ValueError, match="grasp"):
         choice(grasp=90.0)
-    whole = choice().felt(1.0)
-    assert isinstance(whole, FeltDuct)
+    whole = choice().haptic_model(1.0)
+    assert isinstance(whole, HapticBeam)
     assert math.isfinite(whole.breaks_at)
 
 
@@ -727,11 +727,11 @@ def test_a_duct_of_fibres_is_felt_to_its_break_without_a_knock(
     )
     chosen = DuctChoice.of(Specimen(duct, bed=bed_named("loose")), None, None)
     up = (Waypoint(0.1, (0.0, 0.0, 0.0)), Waypoint(3.1, (0.0, 0.0, 75.0)))
-    run = felt(hand(up, tremor_mm=0.1), chosen, seconds=3.2)
+    run = rendered(hand(up, tremor_mm=0.1), chosen, seconds=3.2)
     model = run.loop.model
     assert model.torn
     torn = int(np.flatnonzero((run.forces == 0.0) & (run.hooks > 1.0))[0])
     changes = np.linalg.norm(np.diff(run.given[:torn], axis=0), axis=1)
     assert changes.max() < 0.05
     assert unexplained(run) < 1e-4
-    assert run.books[:, LEAST].min() > -0.02
+    assert run.energies[:, LEAST].min() > -0.02

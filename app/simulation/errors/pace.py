@@ -19,46 +19,46 @@ class Pace:
 
     def __init__(self, incidents: Incidents) -> None:
         self._incidents = incidents
-        self._shares = deque([0.0] * (NEAR_TICKS + 1), maxlen=NEAR_TICKS + 1)
+        self._stress_ratios = deque([0.0] * (NEAR_TICKS + 1), maxlen=NEAR_TICKS + 1)
 
     @property
-    def share(self) -> float:
+    def ratio(self) -> float:
         """The stress ratio now."""
-        return self._shares[-1]
+        return self._stress_ratios[-1]
 
     @property
     def too_fast(self) -> bool:
         """Whether at this pace the wall would break within a reaction time."""
         return self._left(PULL_TICKS) < REACTION_SECONDS
 
-    def take(self, share: float) -> None:
+    def take(self, ratio: float) -> None:
         """Take the stress ratio of a tick."""
-        self._shares.append(share)
+        self._stress_ratios.append(ratio)
 
     def judge(self, hand: int, at: float | None, speed: float, *, parted: bool) -> None:
         """Judge a hold that moves, mm/s, at a station; whether strands part meanwhile."""
         fast, near = (self._incidents.limits[key] for key in ("fast_pull", "near_break_fast"))
         left = self._left(PULL_TICKS)
-        if self.share > fast["least"] and left < fast["seconds"]:
+        if self.ratio > fast["least"] and left < fast["seconds"]:
             # Rounded down, so that it is seen to be below a reaction time.
             words = f"the wall would have broken in {math.floor(1e3 * left) / 1e3:.3f} s"
             self._incidents.note("fast_pull", hand, at, 1e3 - left, v=speed, left=words)
         elif parted and speed > fast["speed"]:
             self._incidents.note("fast_pull", hand, at, speed, v=speed, left=BEFORE)
-        elif self.share > near["least"]:
-            mean = sum(self._shares[-1 - k] for k in range(PULL_TICKS)) / PULL_TICKS
+        elif self.ratio > near["least"]:
+            mean = sum(self._stress_ratios[-1 - k] for k in range(PULL_TICKS)) / PULL_TICKS
             left = self._left(NEAR_TICKS)
             if mean > near["least"] and left < near["seconds"]:
-                growth = (1.0 - self.share) / left if left > 0.0 else math.inf
+                growth = (1.0 - self.ratio) / left if left > 0.0 else math.inf
                 self._incidents.note(
-                    "near_break_fast", hand, at, growth, p=100.0 * self.share, g=100.0 * growth
+                    "near_break_fast", hand, at, growth, p=100.0 * self.ratio, g=100.0 * growth
                 )
 
     def _left(self, ticks: int) -> float:
-        """Return (1 - share) over the share's growth, s."""
-        share = self._shares[-1]
-        growth = share - self._shares[-1 - ticks]
-        return max(1.0 - share, 0.0) * ticks * TICK_SECONDS / growth if growth > 0.0 else math.inf
+        """Return 1 less the ratio over its growth, s."""
+        ratio = self._stress_ratios[-1]
+        growth = ratio - self._stress_ratios[-1 - ticks]
+        return max(1.0 - ratio, 0.0) * ticks * TICK_SECONDS / growth if growth > 0.0 else math.inf
 
 
 class PullErrorFinder:

@@ -177,7 +177,7 @@ class Lesson:
             return
         last, run = found[-1], member.view.session.run
         if last.run.finished:
-            member.last = _told(last.run)
+            member.last = _last_words(last.run)
         elif self._ids.get(run, ("", ""))[0] != last.run.id:
             member.last = (
                 f"{last.run.title} was cut short after {last.seconds:.0f} s. What was saved of it "
@@ -539,6 +539,6 @@ def _best(top: Result) -> str:
     return f"{top.word}, peak {100.0 * top.peak:.0f} %" if top.run.passed else f"failed: {top.why}"
 
 
-def _told(run: RunRecord) -> str:
+def _last_words(run: RunRecord) -> str:
     ended = {True: "passed", False: "failed", None: "ended"}[run.passed]
     return f"Your last run, {run.title}, {ended} at {run.started_at[11:16]}. {run.reason}"

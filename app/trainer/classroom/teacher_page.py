@@ -209,9 +209,9 @@ class TeacherPage:
         if store.learning_record_store is None:
             return ""
         waiting, sent, refused, reason = store.statement_counts()
-        said = f"{sent} statements were sent, {waiting} wait"
-        said += f", {refused} were refused: {reason}." if refused else "."
-        return f"{said} {self._lesson.sender.problem}".strip()
+        answer = f"{sent} statements were sent, {waiting} wait"
+        answer += f", {refused} were refused: {reason}." if refused else "."
+        return f"{answer} {self._lesson.sender.problem}".strip()
 
     def _done(self, text: str) -> str:
         """Do a command; return what the page says of it."""
@@ -219,8 +219,8 @@ class TeacherPage:
             if len(text) > LONGEST_COMMAND:
                 raise ValueError("This is too long.")
             command = self._decoder.decode(text)
-            said = {"said": self._do(command), "assigned": isinstance(command, Assign)}
-            return msgspec.json.encode(said).decode()
+            answer = {"said": self._do(command), "assigned": isinstance(command, Assign)}
+            return msgspec.json.encode(answer).decode()
         except (ValueError, msgspec.MsgspecError) as error:
             return msgspec.json.encode({"refused": str(error)}).decode()
 

@@ -13,11 +13,11 @@ import pickle
 
 import numpy as np
 
-from app.haptics.servo_process import BedSetting, DuctSetting, FeltSetting, ServoProcess, Snapshot
+from app.haptics.servo_process import BedSetting, DuctSetting, HapticSetting, ServoProcess, Snapshot
 from app.simulation import HANDS, Phase, Session
 from app.trainer.client.page_state import PageState
 
-__all__ = ["HapticHand", "felt_in"]
+__all__ = ["HapticHand", "setting_of"]
 
 # Deflections, mm, at which the hand takes the duct and below which it leaves it again. They are
 # apart so that a hand resting at the duct does not grab and release it at every tick.
@@ -28,7 +28,7 @@ TORN_TICKS = 15
 TOUCHED = 0.01
 
 
-def felt_in(session: Session) -> DuctSetting:
+def setting_of(session: Session) -> DuctSetting:
     """Return the setting that the servo needs for a session's duct."""
     return DuctSetting(
         session.planar.theory,
@@ -45,11 +45,11 @@ class HapticHand:
         self._servo = servo
         self._hands = min(servo.hands, HANDS)
         self._state: PageState | None = None
-        self._felt: object = None  # what the last setting followed from; None for none
+        self._rendered: object = None  # what the last setting followed from; None for none
         self._generation = 0
         self._holds = [False] * self._hands
         self._torn, self._torn_ticks = False, 0
-        self._told: str | None = None
+        self._refused: str | None = None
         self._led: bytes | None = None  # what was said last of the other hand
 
     def attend(self, state: PageState | None) -> None:
@@ -72,20 +72,20 @@ class HapticHand:
             self._lead_in_plane(state)
         else:
             self._lead_in_space(state)
-        if servo.unfelt not in (None, self._told):
-            state.refuse(f"The device has no force: {servo.unfelt}.")
-        self._told = servo.unfelt
+        if servo.not_rendered not in (None, self._refused):
+            state.refuse(f"The device has no force: {servo.not_rendered}.")
+        self._refused = servo.not_rendered
 
     def stop(self) -> None:
         """Release the duct and end the servo: the device's force is zero from then on."""
         self._leave()
         self._servo.stop()
 
-    def _feel(self, felt: object, setting: FeltSetting | None) -> None:
+    def _feel(self, source: object, setting: HapticSetting | None) -> None:
         # One duct at a time: the pipe has no room for two, and the clock is not to wait.
         taken = setting is None or self._servo.snapshot().generation == self._generation
-        if felt != self._felt and taken:
-            self._felt = felt
+        if source != self._rendered and taken:
+            self._rendered = source
             self._generation = self._servo.feel(setting)
 
     def _end_force(self) -> None:
@@ -96,7 +96,7 @@ class HapticHand:
     def _snapshot(self) -> Snapshot | None:
         """Return the state of what is felt, if it is the last setting."""
         snapshot = self._servo.snapshot()
-        fresh = snapshot.generation == self._generation and self._felt is not None
+        fresh = snapshot.generation == self._generation and self._rendered is not None
         return snapshot if fresh else None
 
     # In the plane of the pull
@@ -108,12 +108,12 @@ class HapticHand:
             self._end_force()
             return
         if self._torn:  # a new duct, which may be equal to the old one
-            self._torn, self._felt = False, "torn"
+            self._torn, self._rendered = False, "torn"
         ended = session.run.closed and state.end_is_news  # the next pull may begin anew
         watching = state.playback is not None or state.paused or state.force_off or ended
         if watching:
             self._let_go(state)
-        setting = None if watching else felt_in(session)
+        setting = None if watching else setting_of(session)
         self._feel(
             setting
             and (session.tissue.dissection, setting.theory, setting.grasp, setting.threshold),
@@ -140,12 +140,12 @@ class HapticHand:
         duct, run = session.spatial, session.run
         watching = state.playback is not None or state.paused or state.force_off or run.closed
         if watching or duct.torn is not None:
-            if self._felt is not None and duct.torn is None:
+            if self._rendered is not None and duct.torn is None:
                 self._let_go(state)
             self._end_force()
             self._holds = [False] * self._hands
             return
-        if self._felt != (duct, run):
+        if self._rendered != (duct, run):
             self._let_go(state)
             self._feel((duct, run), self._in_space(session))
         self._lead_other(state)
@@ -156,7 +156,7 @@ class HapticHand:
         self._torn_ticks = self._torn_ticks + 1 if snapshot.torn else 0
         if self._torn_ticks > TORN_TICKS:  # or not: then the page is right
             self._let_go(state)
-            self._felt, self._torn_ticks = "let go", 0
+            self._rendered, self._torn_ticks = "let go", 0
             return
         for hand, hook in enumerate(snapshot.hooks[: self._hands]):
             held = self._holds[hand]
@@ -166,7 +166,7 @@ class HapticHand:
                 session.release(hand)
                 held = False
                 if not any(self._holds[:hand] + self._holds[hand + 1 :]):
-                    self._felt = "let go"  # the next tick begins with what the session has
+                    self._rendered = "let go"  # the next tick begins with what the session has
             self._holds[hand] = held
             target = session.spatial.hands[hand].target
             if held or np.abs(hook.tip - target).max() > TOUCHED:
@@ -182,9 +182,9 @@ class HapticHand:
     def _lead_other(self, state: PageState) -> None:
         """Tell the servo what the hand of mouse and keys does, and what the keys hold."""
         other = None if self._hands == HANDS else state.session.touch(HANDS - 1)
-        said = pickle.dumps((other, state.device_holds))
-        if said != self._led:
-            self._led = said
+        message = pickle.dumps((other, state.device_holds))
+        if message != self._led:
+            self._led = message
             self._servo.lead(other, state.device_holds[: self._hands])
 
     def _let_go(self, state: PageState) -> None:

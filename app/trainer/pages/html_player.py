@@ -267,9 +267,9 @@ class _PageStrands:
     def _numbers(self, key: int) -> NDArray[np.float32]:
         now = self._run.strands_at(key, self._duct.driving)
         assert now is not None  # noqa: S101 (it is on a bed)
-        strands, way = self._strands, now.ends[:, 0] - now.feet[:, 0]
-        elongation = np.sqrt((way**2).sum(axis=1)) - strands.length
-        out = np.zeros((len(way), NUMBERS), np.float32)
+        strands, reach = self._strands, now.ends[:, 0] - now.feet[:, 0]
+        elongation = np.sqrt((reach**2).sum(axis=1)) - strands.length
+        out = np.zeros((len(reach), NUMBERS), np.float32)
         out[:, :3] = (now.ends[:, 0] - self._first) @ self._duct.frame
         failure = strands.failure_elongation
         out[:, 3] = elongation / np.where(elongation > 0.0, failure, strands.length)

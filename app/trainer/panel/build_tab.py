@@ -193,21 +193,21 @@ class BuildTab:
         builder, kind = self._state.workers.builder, (id(self), "build")
 
         def do() -> None:
-            said = ""
+            message = ""
             try:
                 self._say("One moment.")
                 work()
             except Abandoned:
                 return
             except ValueError as error:
-                said = f"<b>Not possible:</b> {html.escape(str(error))}."
+                message = f"<b>Not possible:</b> {html.escape(str(error))}."
                 # Beside viser's own notice that the file has arrived.
                 self._state.refuse(f"{error}.")
             except Exception:
                 log.exception("an organ could not be built")
-                said = "<b>Not possible:</b> a fault of the program."
+                message = "<b>Not possible:</b> a fault of the program."
             if request == self._requests:
-                self._say(said)
+                self._say(message)
             self._show_result()
 
         def begin() -> None:
@@ -247,11 +247,11 @@ class BuildTab:
 
     def _choice(self, opened: OpenedStack) -> OrganChoice:
         """Return the organ that the fields describe."""
-        said = str(self._point.value)
-        seed = picked_pixel(said)
-        if seed is None and said.strip():
+        text = str(self._point.value)
+        seed = picked_pixel(text)
+        if seed is None and text.strip():
             raise ValueError(
-                f"the point must be column,row,image, as 120,95,30, from 0, and not {said!r}"
+                f"the point must be column,row,image, as 120,95,30, from 0, and not {text!r}"
             )
         label = str(self._label.value)
         rows, columns = opened.whole.shape
@@ -448,13 +448,15 @@ def _result_html(built: BuiltOrgan, opened: OpenedStack) -> str:
     table = rows_html(rows, "padding:1px 10px 1px 0;opacity:.75;white-space:nowrap", "")
     remarks = [*stack.notes, *(each for each in built.warnings if each not in built.doubts)]
     remarks += _unfit(organ)
-    said = "".join(f"<div style='padding-top:4px'>{html.escape(each)}.</div>" for each in remarks)
+    message = "".join(
+        f"<div style='padding-top:4px'>{html.escape(each)}.</div>" for each in remarks
+    )
     doubts = _doubts_html(built) if built.doubts else ""
     return (
         f"<div data-testid='build-result' data-kept='{built.sections_kept}' "
         f"data-bytes='{bytes_out}' data-tolerance-mm='{built.tolerance_mm:.9g}' "
         f"data-doubts='{len(built.doubts)}' style='padding:4px 0 8px;font-size:13px'>{doubts}"
-        f"<div style='padding:0 12px'><table>{table}</table>{said}</div></div>"
+        f"<div style='padding:0 12px'><table>{table}</table>{message}</div></div>"
     )
 
 

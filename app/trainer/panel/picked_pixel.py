@@ -12,7 +12,7 @@ __all__ = ["picked_pixel", "picture_html"]
 
 
 def picture_html(
-    picture: NDArray[np.uint8], said: str, shape: tuple[int, int], index: int | None
+    picture: NDArray[np.uint8], description: str, shape: tuple[int, int], index: int | None
 ) -> str:
     """Return a picture, as HTML; a click in it writes its pixel into the text field after it."""
     done, content = cv2.imencode(".png", picture[:, :, ::-1])
@@ -24,7 +24,7 @@ def picture_html(
     cursor = "crosshair" if index is not None else "default"
     return (
         f"<div style='padding:2px 12px'><img data-testid='build-image'{picked} "
-        f"alt='{html.escape(said, quote=True)}' src='data:image/png;base64,{data}' "
+        f"alt='{html.escape(description, quote=True)}' src='data:image/png;base64,{data}' "
         f"style='display:block;width:100%;border-radius:4px;cursor:{cursor}'></div>"
     )
 

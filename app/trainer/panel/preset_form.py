@@ -70,7 +70,7 @@ class PresetForm:
                 "first": _field(gui, "First clamp (mm)", "span_mm", "From its start", 1.0, 0.0),
                 "second": _field(gui, "Second clamp (mm)", "span_mm", "From its start", 1.0, 0.0),
             }
-            self._told = gui.add_html("")
+            self._note = gui.add_html("")
             self._use = gui.add_button("Use these figures", icon=viser.Icon.PLAYER_PLAY)
             self._save = gui.add_button(
                 "Save preset", icon=viser.Icon.DOWNLOAD, color="gray",
@@ -139,7 +139,7 @@ class PresetForm:
         except ValueError as error:
             content, fits = note(html.escape(str(error)), "figures-wrong"), False
         if dissection is self._dissection:
-            self._told.content = content
+            self._note.content = content
             self._use.disabled = not fits
 
     def _edited(self, dissection: Dissection) -> tuple[Preset, list[str]]:
@@ -186,7 +186,7 @@ class PresetForm:
             | places,
             type(beam),
         )
-        edited |= _told(preset, own)
+        edited |= _note(preset, own)
         return Preset(**edited), own
 
     def _take(self) -> None:
@@ -225,7 +225,7 @@ def _field(
     )
 
 
-def _told(preset: Preset, own: list[str]) -> dict[str, str]:
+def _note(preset: Preset, own: list[str]) -> dict[str, str]:
     """Return the name and the source of an edited preset."""
     source = preset.source
     if source.startswith(YOURS) and REST in source:
@@ -250,14 +250,16 @@ def _change_html(now: BeamModel, after: BeamModel, own: list[str]) -> str:
     ]
     right = "text-align:right;padding-right:8px", "text-align:right"
     rows = rows_html(texts, "padding:1px 8px 1px 0;opacity:.8", *right, "")
-    said = f"Yours: {', '.join(own)}." if own else "All as the preset has it; its source is below."
+    message = (
+        f"Yours: {', '.join(own)}." if own else "All as the preset has it; its source is below."
+    )
     return (
         f"<div data-testid='figures' data-breaks-at-n='{after.break_force:.6g}'"
         f" data-own='{len(own)}' style='padding:2px 12px 8px;font-size:13px'>"
         "<table style='font-variant-numeric:tabular-nums'><tr style='opacity:.8'><td></td>"
         "<td style='text-align:right;padding-right:8px'>now</td>"
         f"<td style='text-align:right'>typed</td><td></td></tr>{rows}</table>"
-        f"<div style='padding-top:4px'>{html.escape(said)}</div></div>"
+        f"<div style='padding-top:4px'>{html.escape(message)}</div></div>"
     )
 
 

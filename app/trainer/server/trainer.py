@@ -22,12 +22,12 @@ from websockets.asyncio.server import ServerConnection
 
 from app.anatomy import Anatomy
 from app.compression.build_process import BuildProcess
-from app.haptics.servo_process import FeltSetting, ServoProcess
+from app.haptics.servo_process import HapticSetting, ServoProcess
 from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, RunFile, Session, free_specimen
 from app.trainer.classroom.lesson import Lesson, WatchRequest
 from app.trainer.classroom.teacher_page import TeacherPage
 from app.trainer.client.beside import StartCompanion
-from app.trainer.client.haptic_hand import HapticHand, felt_in
+from app.trainer.client.haptic_hand import HapticHand, setting_of
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import OLDER_NAMES, SCENES, Practice, SceneName
 from app.trainer.client.workers import EXPORT_VERTICES, Workers, explained
@@ -150,7 +150,7 @@ class Trainer:
         export_vertices: int = EXPORT_VERTICES,
         exercise_inputs: ExerciseInputs = "hand",
         policy: StartCompanion | None = None,
-        haptics: Callable[[FeltSetting], ServoProcess] | None = None,
+        haptics: Callable[[HapticSetting], ServoProcess] | None = None,
         metrics: bool = False,
         tls: ssl.SSLContext | None = None,
         public_url: str | None = None,
@@ -202,7 +202,7 @@ class Trainer:
         self._hand: HapticHand | None = None
         if haptics is not None:
             try:
-                self._hand = HapticHand(haptics(felt_in(Session(free_specimen(organ, preset)))))
+                self._hand = HapticHand(haptics(setting_of(Session(free_specimen(organ, preset)))))
             except ValueError:
                 self._server.stop()
                 raise

@@ -51,9 +51,9 @@ class HookPlace:
     radius: float  # of the duct that the bend is made for, mm
 
 
-def sink(share: float, radius: float) -> float:
-    """Return the depth of the wire in the wall, mm, at a stress of `share` thresholds."""
-    return radius * (SINK_AT_REST + (SINK_AT_BREAK - SINK_AT_REST) * min(max(share, 0.0), 1.0))
+def sink(ratio: float, radius: float) -> float:
+    """Return the depth of the wire in the wall, mm, at a stress of `ratio` thresholds."""
+    return radius * (SINK_AT_REST + (SINK_AT_BREAK - SINK_AT_REST) * min(max(ratio, 0.0), 1.0))
 
 
 class Contact:
@@ -266,25 +266,25 @@ def _press_rods(
     origin: NDArray[np.float64],
     frame: NDArray[np.float64],
 ) -> None:
-    tip, way, place, out = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    tip, shaft, place, out = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for m in range(rods.shape[0]):
         if rods[m, kernels.IN_USE] == 0.0:
             continue
         radius = rods[m, kernels.RADIUS]
         for i in range(3):
-            tip[i], way[i] = origin[i], 0.0
+            tip[i], shaft[i] = origin[i], 0.0
             for j in range(3):
                 tip[i] += frame[i, j] * rods[m, kernels.TIP + j]
-                way[i] += frame[i, j] * rods[m, kernels.SHAFT + j]
+                shaft[i] += frame[i, j] * rods[m, kernels.SHAFT + j]
         for v in range(vertices.shape[0]):
             along = 0.0
             for i in range(3):
                 place[i] = vertices[v, i] - tip[i]
-                along += place[i] * way[i]
+                along += place[i] * shaft[i]
             along = max(along, 0.0)
             square = 0.0
             for i in range(3):
-                out[i] = place[i] - along * way[i]
+                out[i] = place[i] - along * shaft[i]
                 square += out[i] * out[i]
             if square > 9.0 * radius * radius or square < 1e-9:
                 continue

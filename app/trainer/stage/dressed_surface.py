@@ -64,7 +64,7 @@ def light_surfaces(
     radius: float,
 ) -> None:
     """Let the hook's wire cast its shadow on the duct, and the duct and the hook on the bed."""
-    way = (lamp - aim) / np.linalg.norm(lamp - aim)
+    towards_lamp = (lamp - aim) / np.linalg.norm(lamp - aim)
     light = {
         "lamp": (lamp - floor).tolist(),
         "radius": radius,
@@ -72,7 +72,7 @@ def light_surfaces(
         "wire": wire_radius(radius),
         "tip": TIP_ANGLE,
         "shaft": LEAN.tolist(),
-        "lampWay": way.tolist(),
+        "lampWay": towards_lamp.tolist(),
     }
     run_module(scene, SCRIPT, "bluntdissectSurfaces.stage", light)
 

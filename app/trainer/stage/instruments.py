@@ -166,18 +166,18 @@ def grasper_jaw_glb(radius: float, *, detail: float = 1.0) -> bytes:
 @lru_cache(maxsize=16)
 def grasper_shaft_glb(radius: float, mirrored: bool, *, detail: float = 1.0) -> bytes:
     """Return the hinge and the shaft, as a GLB file, mm, the origin in the hinge."""
-    way = _leaning(GRASPER_LEAN, mirrored)
+    axis = _leaning(GRASPER_LEAN, mirrored)
     pin = np.array([[-0.26, 0, 0], [0, 0, 0], [0.26, 0, 0]]) * radius
     parts = [Part(swept_solid(pin, 0.2 * radius, side=(0, 0, 1), corners=16), steel(detail))]
-    return solids_glb([*parts, *_shaft(np.zeros(3), way, 0.22 * radius, detail)])
+    return solids_glb([*parts, *_shaft(np.zeros(3), axis, 0.22 * radius, detail)])
 
 
 @lru_cache(maxsize=16)
 def swab_glb(
-    way: tuple[float, float, float], radius: float, mirrored: bool, *, detail: float = 1.0
+    axis: tuple[float, float, float], radius: float, mirrored: bool, *, detail: float = 1.0
 ) -> bytes:
     """Return a swab whose ball ends at the origin, mm, and lies `way` back from there."""
-    back = np.array(way) / np.linalg.norm(way)
+    back = np.array(axis) / np.linalg.norm(axis)
     along = np.linspace(0.0, 1.0, 24)
     path = (0.02 + BALL * radius * along)[:, None] * back
     ball = radius * np.minimum(
@@ -216,9 +216,9 @@ class Jaws:
             mesh = add_mesh(scene, node, solid.vertices, solid.faces, color=finish.color)
             self._meshes.append(mesh)
             run_function(scene, "bluntdissectStrands.polish", node, gloss)
-        way = _leaning(DISSECTOR_LEAN, mirrored)
+        axis = _leaning(DISSECTOR_LEAN, mirrored)
         joint = self._middle(0.0, 0.0)[-1]
-        shaft = solids_glb(_shaft(joint - 1.5 * way, way, 1.5, detail))
+        shaft = solids_glb(_shaft(joint - 1.5 * axis, axis, 1.5, detail))
         add_model(scene, f"{name}/shaft", shaft)
 
     def open(self, apart: float) -> None:
@@ -238,15 +238,15 @@ class Jaws:
 
     def _middle(self, aside: float, side: float) -> NDArray[np.float64]:
         """Return the middle of a jaw: as the rod runs, then to the joint with the other one."""
-        way = _leaning(DISSECTOR_LEAN, self._mirrored)
+        axis = _leaning(DISSECTOR_LEAN, self._mirrored)
         x, tip = side * aside, 0.72 * self.radius
-        joint = np.array([0.0, -STRAIGHT - 11.0, 1.5]) + 9.0 * way
+        joint = np.array([0.0, -STRAIGHT - 11.0, 1.5]) + 9.0 * axis
         knots = [
             [x, -tip, 0.0],
             [x, -0.5 * STRAIGHT, 0.0],
             [x, -STRAIGHT, 0.0],
             [0.86 * x, -STRAIGHT - 4.5, 0.25],
-            (np.array([0.45 * x, -STRAIGHT - 9.0, 1.0]) + 2.0 * way).tolist(),
+            (np.array([0.45 * x, -STRAIGHT - 9.0, 1.0]) + 2.0 * axis).tolist(),
             joint.tolist(),
         ]
         return smooth_path(knots, _STATIONS)
@@ -261,22 +261,22 @@ def _leaning(lean: NDArray[np.float64], mirrored: bool) -> NDArray[np.float64]:
     return lean / np.linalg.norm(lean) * (np.array([-1.0, 1.0, 1.0]) if mirrored else 1.0)
 
 
-def _across(way: NDArray[np.float64]) -> NDArray[np.float64]:
+def _across(axis: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (2, 3) unit vectors at right angles to a way and to one another."""
-    side = np.cross(way, (1.0, 0.0, 0.0))
+    side = np.cross(axis, (1.0, 0.0, 0.0))
     side /= np.linalg.norm(side)
-    return np.stack([side, np.cross(way, side)])
+    return np.stack([side, np.cross(axis, side)])
 
 
 def _shaft(
-    root: NDArray[np.float64], way: NDArray[np.float64], neck: float, detail: float
+    root: NDArray[np.float64], axis: NDArray[np.float64], neck: float, detail: float
 ) -> list[Part]:
     """Return a ferrule that widens from the neck, and the insulated shaft behind it."""
     corners = max(10, round(20 * detail))
     taper = np.linspace(0.0, 1.0, 14)
     swelling = taper * taper * (3.0 - 2.0 * taper)
-    ferrule = root + (8.0 * taper)[:, None] * way
-    shaft = root + np.array([[7.4], [7.8], [14.0], [60.0], [SHAFT_LENGTH]]) * way
+    ferrule = root + (8.0 * taper)[:, None] * axis
+    shaft = root + np.array([[7.4], [7.8], [14.0], [60.0], [SHAFT_LENGTH]]) * axis
     return [
         Part(
             swept_solid(ferrule, neck + (0.88 * SHAFT_RADIUS - neck) * swelling, corners=corners),

@@ -33,9 +33,9 @@ def spill_glb(look: Appearance, radius: float, place: float) -> bytes:
         middle = np.array([place + aside, -0.5 * radius])
         parts.append(Part(_pool(middle, reach, random), finish))
         for _ in range(_DROPS):
-            way = random.normal(0.0, 0.9 * radius, 2)
+            offset = random.normal(0.0, 0.9 * radius, 2)
             drop = random.uniform(0.04, 0.11) * radius
-            parts.append(Part(_pool(middle + way, drop, random), finish))
+            parts.append(Part(_pool(middle + offset, drop, random), finish))
     return solids_glb(parts) if parts else b""
 
 

@@ -168,8 +168,8 @@ def _paths(
         turns = np.cumsum(random.normal(0.0, 0.055, count))
         turns -= np.linspace(0.0, 1.0, count) * turns[-1]
         turns += 0.28 * np.sin(np.arange(count) * _STEP / random.uniform(0.7, 1.3))
-        way = heading + turns
-        steps = _STEP * np.stack([np.cos(way), np.sin(way)], axis=-1)
+        direction = heading + turns
+        steps = _STEP * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
         return start + np.cumsum(steps, axis=0)
 
     def branch(

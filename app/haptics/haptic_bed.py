@@ -24,14 +24,14 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from app.haptics.felt_duct import STRESS_STEPS
+from app.haptics.haptic_beam import STRESS_STEPS
 from app.simulation import TICK_SECONDS, Touch
 from kernel_cache import njit
 from physics.bed import BeamOnBed
 from physics.equilibrium import NoEquilibrium
 from physics.quantity import positive
 
-__all__ = ["FeltBed"]
+__all__ = ["HapticBed"]
 
 Array = NDArray[np.float64]
 
@@ -76,21 +76,21 @@ def _feel(
                 tips[hook, j] = taken[hook, j] + hands[hook, j]
             continue
         for j in range(3):
-            way = 0.5 * (hands[hook, j] - hands_before[hook, j])
+            half_step = 0.5 * (hands[hook, j] - hands_before[hook, j])
             hands_before[hook, j] = hands[hook, j]
             reaction = react[node, j] + load[node, j]
-            booked += way * (reacts[hook, j] + reaction)
+            booked += half_step * (reacts[hook, j] + reaction)
             reacts[hook, j] = reaction
             tips[hook, j] = x[node, j]
             hooks[hook, j] = x[node, j] - taken[hook, j]
             force = coupling * (hands[hook, j] - hooks[hook, j])
-            work += way * (forces[hook, j] + force)
+            work += half_step * (forces[hook, j] + force)
             forces[hook, j] = force
     return work, booked
 
 
-class FeltBed:
-    """A duct in its bed under hooks; a `FeltModel`.
+class HapticBed:
+    """A duct in its bed under hooks; a `HapticModel`.
 
     `grasps` are where they take the duct, mm from the first clamp, growing; hooks that are at
     `tips`, (H, 3) mm, take it there. The wall tears at the stress `threshold`, MPa; `coupling` is
@@ -142,11 +142,11 @@ class FeltBed:
         self._touch, self._touched, self._touch_steps = self._touch_at_first, None, 0
         if self._touch is not None and self._touch.station is not None:
             self._touched = int(np.argmin(np.abs(self.beam.stations - self._touch.station)))
-        books = self.beam.energy
-        self._spent_at_first = books.stored + books.dissipated + books.drag
-        self._snap_at_first = books.snap + books.lag
-        self._booked = self._booked_at_first = books.work  # by the couplings, and before
-        self._felt = 0.0  # work of the hands by the forces that they feel, mJ
+        energies = self.beam.energy
+        self._spent_at_first = energies.stored + energies.dissipated + energies.drag
+        self._snap_at_first = energies.snap + energies.lag
+        self._booked = self._booked_at_first = energies.work  # by the couplings, and before
+        self._work = 0.0  # work of the hands by the forces that they feel, mJ
         self.stored = self.spent = self.released = 0.0
         self._let_go = 0.0  # energy lost by letting go, mJ
         self.torn, self._steps = False, 0
@@ -173,7 +173,7 @@ class FeltBed:
         self._touch, self._touch_steps = touch, max(1, round(TICK_SECONDS / self._period))
 
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
-        """Advance by one period; see `FeltModel`."""
+        """Advance by one period; see `HapticModel`."""
         if self.torn:
             self.elastic_forces[:] = 0.0
             self.hooks[:] = hands
@@ -200,18 +200,18 @@ class FeltBed:
         )  # fmt: skip
         self._booked += booked
         self.elastic_forces[:] = self.forces
-        books = beam.energy
-        self.stored = books.stored + work
-        self._felt += work
+        energies = beam.energy
+        self.stored = energies.stored + work
+        self._work += work
         # Not `books.snap` nor `lag`: a tick moves the coupling's end before the beam follows, and
         # books the spring's energy that this frees. The hand holds its force meanwhile and has not
         # given it. What the other hand has put in is no work of these.
-        others = 0.0 if self._touch is None else books.work - self._booked
-        spent = books.dissipated + books.drag + self._let_go
+        others = 0.0 if self._touch is None else energies.work - self._booked
+        spent = energies.dissipated + energies.drag + self._let_go
         self.spent = spent - others - self._spent_at_first
-        staggered = self._booked - self._booked_at_first - self._felt
+        staggered = self._booked - self._booked_at_first - self._work
         self.released = (
-            books.snap + books.lag - self._snap_at_first - self._let_go - staggered - work
+            energies.snap + energies.lag - self._snap_at_first - self._let_go - staggered - work
         )
         if broken:
             self.torn = True
@@ -221,7 +221,7 @@ class FeltBed:
             self.hooks[:] = hands
 
     def assemble_ahead(self) -> None:
-        """Do what the next step does wherever the hands go; see `FeltModel`."""
+        """Do what the next step does wherever the hands go; see `HapticModel`."""
         if not self.torn:
             self.beam.assemble_ahead(self._period)
 

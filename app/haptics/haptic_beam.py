@@ -27,7 +27,7 @@ from physics import (
 from physics.cubic_kernels import cubic_deflection
 from physics.quantity import positive
 
-__all__ = ["STRESS_STEPS", "UP", "FeltDuct", "FeltModel"]
+__all__ = ["STRESS_STEPS", "UP", "HapticBeam", "HapticModel"]
 
 UP = 2
 """Axis of the pull among right, forward and up."""
@@ -35,7 +35,7 @@ STRESS_STEPS = 10
 """Steps between two checks of the stresses of a duct with two hooks, or in a bed."""
 
 
-class FeltModel(Protocol):
+class HapticModel(Protocol):
     """What the servo asks of a model; its energies are in N mm."""
 
     forces: NDArray[np.float64]  # (H, 3) pull of each hook on the duct, N
@@ -71,13 +71,13 @@ class FeltModel(Protocol):
         ...
 
 
-class FeltDuct:
+class HapticBeam:
     """A beam in the plane of its pull, under one hook or two that pull and do not push.
 
-    A `FeltModel` of `Cubic` with a number for q, or of `Exact`, which two hooks need. `grasps` are
-    mm from the first clamp, growing; it tears at the stress `threshold`, MPa, which one hook meets
-    at the deflection `breaks_at`, mm (infinite if it never does); `coupling` is the stiffness of
-    the virtual coupling, N/mm. Of `hands`, those beyond the hooks feel nothing.
+    A `HapticModel` of `Cubic` with a number for q, or of `Exact`, which two hooks need. `grasps`
+    are mm from the first clamp, growing; it tears at the stress `threshold`, MPa, which one hook
+    meets at the deflection `breaks_at`, mm (infinite if it never does); `coupling` is the stiffness
+    of the virtual coupling, N/mm. Of `hands`, those beyond the hooks feel nothing.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class FeltDuct:
             self._solver.rest()
 
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
-        """Find the equilibrium with the hands where they are; see `FeltModel`."""
+        """Find the equilibrium with the hands where they are; see `HapticModel`."""
         self._steps += 1
         heights = self._heights
         for hook in range(len(heights)):
@@ -220,10 +220,10 @@ class FeltDuct:
         return check_rupture(solver.sample(self._critical), self.threshold).broken
 
     def assemble_ahead(self) -> None:
-        """Nothing: all of a step follows from the hands; see `FeltModel`."""
+        """Nothing: all of a step follows from the hands; see `HapticModel`."""
 
     def station_of(self, hook: int) -> float | None:
-        """Nothing: a hook stays at its grasp; see `FeltModel`."""
+        """Nothing: a hook stays at its grasp; see `HapticModel`."""
         del hook
 
     def solved_force(self, deflection: float) -> float:

@@ -11,7 +11,7 @@ from app.haptics.servo import ORDINARY, Servo
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.haptics.servo_report import ServoReport
 
-__all__ = ["felt_run", "least_limits", "opened_devices"]
+__all__ = ["least_limits", "opened_devices", "run_haptics"]
 
 
 @contextmanager
@@ -40,7 +40,7 @@ def least_limits(devices: Sequence[Device]) -> DeviceLimits:
     return replace(least, delay=max(device.limits.delay for device in devices))
 
 
-def felt_run(
+def run_haptics(
     choice: DuctChoice,
     opened: Sequence[tuple[str, DeviceOptions]],
     settings: LoopSettings,
@@ -61,7 +61,7 @@ def felt_run(
         stiffness = coupling
         if stiffness is None:
             stiffness = passive_coupling(limits, settings)
-        model, twin = (choice.felt(stiffness, settings.period) for _ in range(2))
+        model, twin = (choice.haptic_model(stiffness, settings.period) for _ in range(2))
         loop = ServoLoop(model, settings, limits, len(devices), twin)
     alone = len(choice.grasps) > len(devices)
     if alone:
