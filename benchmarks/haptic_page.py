@@ -71,7 +71,7 @@ class Led:
     """The same movement in place of a servo: without a device, a process or a force."""
 
     device, hands = "a movement without a device", 1
-    ended = unfelt = report = None
+    ended = not_rendered = report = None
 
     def __init__(self) -> None:
         self._generation, self._start = 0, time.monotonic()
