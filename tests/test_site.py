@@ -85,8 +85,9 @@ def test_every_example_is_shown() -> None:
         "diagrams.py",
         "gallery.py",
         "clone_window.py",
+        "scope_film.py",
         "search_window.py",
-    }  # that draw pages, or learn long
+    }  # that draw pages and films, or learn long
     scripts = {path.name for path in (ROOT / "examples").glob("*.py")} - others
     assert set(EXAMPLES) == scripts
 
