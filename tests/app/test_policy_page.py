@@ -65,7 +65,10 @@ def test_a_policy_leads_the_right_hand_and_then_is_a_ghost(
         expect(tab.page.get_by_text("The policy has this hand")).to_be_visible()
         tab.press("Stop")
         tab.wait_until(lambda: not view.state.in_exercise)
-        tab.page.keyboard.press("Escape")  # the result
+        result = tab.page.get_by_test_id("outcome")
+        result.wait_for()
+        tab.page.keyboard.press("Escape")
+        expect(result).to_have_count(0)
 
         begin(tab, view, "Ghost")
         tab.wait_until(lambda: view.state.beside.ghost)
