@@ -15,6 +15,7 @@ from program import LONGEST
 from simulated import phantom
 
 from app.simulation import Phase
+from app.trainer.panel.page_panel import PagePanel
 from app.trainer.server.trainer import Trainer
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry import Promise
@@ -119,7 +120,9 @@ def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
         expect(result).to_have_count(0)
         tab.slide("Threshold (px)", 1.6)
         expect(result).to_have_attribute("data-tolerance-mm", "0.19921875")
-        folder = view._panel._build._bench._folder
+        panel = view._panel
+        assert isinstance(panel, PagePanel)
+        folder = panel._build._bench._folder
         assert folder is not None
         place = Path(folder.name)
         assert place.is_dir()
@@ -129,9 +132,9 @@ def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
             lambda: session.tissue.dissection.organ.length == pytest.approx(7.6, abs=0.1)
         )
         tab.open("Model")
-        tab.wait_until(lambda: view._panel._model._preset.value == "Own sections, assumed tissue")
+        tab.wait_until(lambda: panel._model._preset.value == "Own sections, assumed tissue")
         titles = tuple(preset.title for preset in session.presets_offered())
-        assert view._panel._model._preset.options == titles
+        assert panel._model._preset.options == titles
         tab.open("Train")
         tab.slide("Force F (N)", 1.0)
         tab.wait_for_force(1.0)

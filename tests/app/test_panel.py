@@ -62,7 +62,7 @@ def test_the_plot_of_a_dissection_goes_on_while_nothing_moves(gui: viser.GuiApi)
 def test_no_duct_is_called_unbreakable_before_its_exercises_are_known() -> None:
     gui, state = MagicMock(), MagicMock(in_exercise=False)
     choice, start = gui.add_dropdown.return_value, gui.add_button.return_value
-    ExerciseTab(gui, state)
+    ExerciseTab(gui, state, MagicMock())
     assert gui.add_dropdown.call_args_list[0].args[1] == [AWAITED]
     assert gui.add_button.call_args_list[0].kwargs["disabled"] is True
     state.session.specimen.bed = state.session.specimen.theory = None

@@ -237,6 +237,11 @@ class Ending:
 
     end: float
     name: ClassVar[str] = "ending"
+    takes_all_sections: ClassVar[bool] = False
+
+    @property
+    def options(self) -> dict[str, object]:
+        return {}
 
     def pull(self, beam: Beam, grasp: float) -> Pull:
         return EndingPull(beam, grasp, self.end)
