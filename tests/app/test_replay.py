@@ -559,4 +559,5 @@ def test_the_trainer_opens_on_no_run_that_it_cannot_play(
     session = Session(Specimen.of_anatomy(anatomy_named("normal")))
     session.grab(0, 10.0)
     (tmp_path / "tubes.json").write_bytes(run_json(session.run_file()))
-    assert "several tubes" in refused((*options, tmp_path / "tubes.json"))
+    said = refused((*options, tmp_path / "tubes.json", "--scene", "bed"))
+    assert "this run needs --scene calot" in said
