@@ -166,6 +166,7 @@ def test_errors_at_several_tubes_name_the_tube_and_what_it_lost() -> None:
     artery = names.index("artery")
     assert session.grab(0, 10.0, artery) is not None
     lift_until(session, 0, "bleeding", (0.0, 0.0, 0.3))
+    session.choose_instrument(1, "grasper")
     assert session.grab(1, 30.0, names.index("gallbladder")) is not None
     lift_until(session, 1, "unattended_bleeding", (0.0, 0.02, 0.05))
     found = {each.error: each for each in session.run.incidents()}

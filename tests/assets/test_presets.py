@@ -45,7 +45,8 @@ def test_names_are_unique_and_the_default_comes_first() -> None:
 @pytest.mark.parametrize("preset", LIST, ids=BY_NAME)
 def test_a_preset_is_complete(preset: dict[str, Any]) -> None:
     assert preset.keys() >= REQUIRED
-    assert preset.keys() <= REQUIRED | BREAKS | FACTORS | {"looks_like", "law", "stiffening"}
+    options = {"looks_like", "law", "stiffening", "relaxation"}
+    assert preset.keys() <= REQUIRED | BREAKS | FACTORS | options
     assert len(preset.keys() & BREAKS) == 1
     for name in ("title", "description", "source", "confidence_note"):
         assert preset[name].strip() == preset[name] != ""

@@ -30,6 +30,7 @@ FIGURES = {
     "bending_stress_MPa",
     "total_stress_MPa",
     "distance_to_break",
+    "surface",
 }
 
 

@@ -54,6 +54,7 @@ ICONS = (
     viser.Icon.PLAYER_STOP,
     viser.Icon.REFRESH,
     viser.Icon.REPORT_ANALYTICS,
+    viser.Icon.SCHOOL,
     viser.Icon.STACK_2,
     viser.Icon.TABLE_EXPORT,
     viser.Icon.UPLOAD,
