@@ -16,8 +16,8 @@ from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.server.trainer import Trainer
 from app.trainer.view.page_view import PageView
 
-POSE = """() => { const p = bluntdissectScope.picture, q = p.pose;
-    return [q.tip, q.right, q.up, q.back, [p.high, p.pivotError, p.drawn]]; }"""
+POSE = """() => { const p = window.bluntdissectScope?.picture, q = p?.pose;
+    return q && [q.tip, q.right, q.up, q.back, [p.high, p.pivotError, p.drawn]]; }"""
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +41,8 @@ class ScopePage:
 
     def pose(self) -> np.ndarray:
         """(5, 3) tip, right, up and back of the page's camera; height at 1 mm, error, pictures."""
-        # It is made anew for another scope.
-        self.tab.page.wait_for_function("() => window.bluntdissectScope?.picture?.pose")
-        return np.array(self.tab.page.evaluate(POSE))
+        # The picture is made anew for another scope, and has no pose meanwhile.
+        return np.array(self.tab.page.wait_for_function(POSE).json_value())
 
     def check_pose(self) -> None:
         """The page's camera is where the scope's algebra says, and its shafts pass their pivots."""
