@@ -26,6 +26,12 @@ def policy(tmp_path_factory: pytest.TempPathFactory) -> Policy:
     return Policy(linear(path, WEIGHTS, OFFSET, ticks_per_step=2, speed=40.0))
 
 
+@pytest.fixture
+def awaited(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a tick wait for the policy, however busy the machine is."""
+    monkeypatch.setattr("app.rl.companion.PATIENCE_S", 60.0)
+
+
 def opened(bed_seed: int) -> Session:
     """A trainee's session at the beginning of *Open a window*."""
     session = bed_session(phantom(), vertices=300)
@@ -35,6 +41,7 @@ def opened(bed_seed: int) -> Session:
     return session
 
 
+@pytest.mark.usefixtures("awaited")
 def test_a_ghost_does_what_the_policy_does_alone_to_the_bit(policy: Policy) -> None:
     session = opened(5)
     ghost = Companion(policy, session, ghost=True)
@@ -59,6 +66,7 @@ def test_a_ghost_does_what_the_policy_does_alone_to_the_bit(policy: Policy) -> N
     assert beside.metrics == alone.metrics
 
 
+@pytest.mark.usefixtures("awaited")
 def test_an_assistant_leads_the_second_hand_only_and_the_run_replays(policy: Policy) -> None:
     session = opened(5)
     helper_ = Companion(policy, session, ghost=False)
