@@ -18,7 +18,7 @@ from app.simulation import (
 from app.trainer.client.beside import Role
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import Choice, note, on_click, on_input, set_if_changed
-from app.trainer.panel.result_page import SHOW_ME
+from app.trainer.panel.result_page import SHOW_ME, show_result
 
 __all__ = ["ExerciseTab"]
 
@@ -40,7 +40,7 @@ class ExerciseTab:
     """The tab of exercises."""
 
     def __init__(
-        self, gui: viser.GuiApi, state: PageState, replay: Callable[[RunFile], object]
+        self, gui: viser.GuiApi, state: PageState, replay: Callable[[RunFile, float], object]
     ) -> None:
         self._state, self._replay = state, replay
         self._offered: dict[str, Exercise] = {}
@@ -69,7 +69,7 @@ class ExerciseTab:
         )  # fmt: skip
         self._status = gui.add_html("", visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False)
-        self.result = gui.add_button(
+        self._result = gui.add_button(
             "Result of the last run", icon=viser.Icon.REPORT_ANALYTICS, color="gray", visible=False
         )
         gui.add_html(
@@ -81,6 +81,7 @@ class ExerciseTab:
         on_click(self._start, self.start)
         on_click(self._show_me, self._perform)
         on_click(self._stop, self._end)
+        on_click(self._result, self._show_last)
         self.take_offers()
 
     def start(self) -> None:
@@ -131,7 +132,7 @@ class ExerciseTab:
             (self._stop, busy),
             (self._status, busy),
             (self._progress, busy and state.figures_visible),
-            (self.result, not busy and state.last_run is not None),
+            (self._result, not busy and state.last_run is not None),
         ):
             if handle.visible != visible:
                 handle.visible = visible
@@ -171,7 +172,7 @@ class ExerciseTab:
             session.set_threshold(state.session.tissue.threshold)
             session.start_exercise(exercise)
             perform(session, MANNERS[exercise.name]["good"])
-            self._replay(session.run_file())
+            self._replay(session.run_file(), 0.0)
 
         state.attempt("Scripted hands do it.", perform_it)
 
@@ -180,6 +181,11 @@ class ExerciseTab:
             self._state.finish()
         else:
             self._state.reset()
+
+    def _show_last(self) -> None:
+        state, run = self._state, self._state.last_run
+        if run is not None:
+            state.attempt("Measuring the run.", lambda: show_result(state, run, self._replay))
 
     def _describe(self) -> None:
         exercise = self._exercise

@@ -15,6 +15,7 @@ from app.trainer.panel.controls import on_click, set_if_changed
 from app.trainer.panel.exercise_tab import ExerciseTab
 from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, style_panel
 from app.trainer.panel.help import keys_of, show_help
+from app.trainer.panel.keys import add_keys
 from app.trainer.panel.legend import Legend
 from app.trainer.panel.model_tab import ModelTab
 from app.trainer.panel.readout import duct_html, hidden_html, readout_html, zone, zone_while_hidden
@@ -23,7 +24,7 @@ from app.trainer.panel.result_page import show_result
 from app.trainer.panel.scenes import add_scenes
 from app.trainer.panel.train_tab import TrainTab
 from app.trainer.stage.heat_map import freed_legend_html, heat_legend_html
-from app.trainer.viser_bridge.page import announce, offer_home, open_tab, take_arrows
+from app.trainer.viser_bridge.page import announce, open_tab, take_arrows
 
 __all__ = ["PagePanel", "offers"]
 
@@ -36,6 +37,8 @@ STEPS = {
     "Shift+Down": (0.0, -NUDGE, 0.0),
 }
 """mm that keys move the active hand's tip by."""
+ANYTIME = ("H", "V")
+"""Keys that act while a replay is shown, too."""
 
 
 def offers(session: Session) -> tuple[bool, bool]:
@@ -74,7 +77,6 @@ class PagePanel:
             self._model = ModelTab(gui, state)
         ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
         on_click(ask, lambda: show_help(state.client, state.session))
-        on_click(self._exercises.result, self._show_last)
         self._add_keys()
         if state.in_exercise:  # the page was loaded or made anew
             open_tab(state.client, LEARN)
@@ -121,13 +123,7 @@ class PagePanel:
 
     def show_result(self, run: RunFile) -> None:
         """Open the result page of a run; replaying the run for its plots takes a while."""
-        state = self._state
-
-        def again() -> None:
-            state.start_again(run)
-            open_tab(state.client, LEARN)
-
-        show_result(state, run, again, self.replay)
+        show_result(self._state, run, self.replay)
 
     def replay(self, run: RunFile, at: float = 0.0) -> None:
         """Replay a run from a time, s, on, in the tab of replays."""
@@ -138,17 +134,12 @@ class PagePanel:
         """Remove what the client has uploaded, when it has gone."""
         self._build.close()
 
-    def _show_last(self) -> None:
-        run = self._state.last_run
-        if run is not None:
-            self._state.attempt("Measuring the run.", lambda: self.show_result(run))
-
     def _add_keys(self) -> None:
-        """Let keys act, by their names; while a replay is shown only some do."""
         state = self._state
-        anytime = {"H": state.show_next, "V": state.bring_home}
         actions: Mapping[str, Callable[[], object]] = {
             **{name: partial(state.nudge, np.array(step)) for name, step in STEPS.items()},
+            "H": state.show_next,
+            "V": state.bring_home,
             "G": state.take_or_let_go,
             "O": lambda: state.open_more(2.0 * NUDGE),
             "C": lambda: state.open_more(-2.0 * NUDGE),
@@ -158,17 +149,4 @@ class PagePanel:
             "P": lambda: state.set_paused(not state.paused),
             "R": state.reset,
         }
-        for key in keys_of(state.session):
-            command = self._gui.add_command(
-                key.title, description=key.meaning, hotkey=key.hotkey, modifier=key.modifier
-            )
-            always = key.name in anytime
-            act = anytime[key.name] if always else actions[key.name]
-
-            @command.on_trigger
-            async def _(_: object, act=act, always=always) -> None:  # pyright: ignore
-                if always or state.playback is None:
-                    act()
-
-            if key.name == "V":
-                offer_home(state.client, command, f"{key.title} ({key.name})", key.meaning)
+        add_keys(state, keys_of(state.session), actions, ANYTIME)

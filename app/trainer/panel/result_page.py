@@ -24,8 +24,10 @@ from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import note, on_click, rows_html
 from app.trainer.panel.debrief import add_debrief
 from app.trainer.panel.dialog import dialog
+from app.trainer.panel.frame import LEARN
 from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
+from app.trainer.viser_bridge.page import open_tab
 
 __all__ = ["SHOW_ME", "run_name", "run_title", "show_result"]
 
@@ -92,13 +94,11 @@ def _seen_html(seen: Sequence[Seen]) -> str:
 def show_result(
     state: PageState,
     run: RunFile,
-    again: Callable[[], object],
     watch: Callable[[RunFile, float], object],
 ) -> None:
     """Open a run's result over the trainer: how it ended, its errors, measures, and what is next.
 
-    Replaying the run takes a while. `again` starts the same exercise again, if the run has one;
-    `watch` replays a run from a time, s, on.
+    Replaying the run takes a while. `watch` replays a run from a time, s, on.
     """
     gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
     replay = state.replay_of(run, vertices=FEW)
@@ -124,6 +124,10 @@ def show_result(
         def play(at: float) -> None:
             close()
             watch(run, at)
+
+        def again() -> None:
+            state.start_again(run)
+            open_tab(state.client, LEARN)
 
         gui.add_html(outcome_html(run.outcome, run_title(run), _SLIDERS if by_sliders else ""))
         if exercise is not None:

@@ -25,12 +25,13 @@ from app.trainer.panel.dialog import dialog
 from app.trainer.panel.exercise_tab import ExerciseTab
 from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, style_panel
 from app.trainer.panel.help import Key, first_minute
+from app.trainer.panel.keys import add_keys
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.readout import HANDS
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import show_result
 from app.trainer.panel.scenes import add_scenes
-from app.trainer.viser_bridge.page import announce, offer_home, open_tab, take_arrows
+from app.trainer.viser_bridge.page import announce, open_tab, take_arrows
 
 __all__ = ["ScopePanel"]
 
@@ -149,7 +150,6 @@ class ScopePanel:
             self._replay = ReplayTab(gui, state)
         ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
         on_click(ask, self._show_help)
-        on_click(self._exercises.result, self._show_last)
         self._add_keys()
         if state.in_exercise:  # the page was loaded or made anew
             open_tab(state.client, LEARN)
@@ -195,23 +195,12 @@ class ScopePanel:
 
     def show_result(self, run: RunFile) -> None:
         """Open the result page of a run; replaying the run for its plots takes a while."""
-        state = self._state
-
-        def again() -> None:
-            state.start_again(run)
-            open_tab(state.client, LEARN)
-
-        show_result(state, run, again, self.replay)
+        show_result(self._state, run, self.replay)
 
     def replay(self, run: RunFile, at: float = 0.0) -> None:
         """Replay a run from a time, s, on, in the tab of replays."""
         self._replay.replay(lambda: run, at)
         open_tab(self._state.client, REPLAY)
-
-    def _show_last(self) -> None:
-        run = self._state.last_run
-        if run is not None:
-            self._state.attempt("Measuring the run.", lambda: self.show_result(run))
 
     def close(self) -> None:
         """Remove nothing: the client uploads nothing here."""
@@ -317,20 +306,7 @@ class ScopePanel:
             "R": lead.reset,
             "V": state.bring_home,
         }
-        for key in KEYS:
-            command = self._gui.add_command(
-                key.title, description=key.meaning, hotkey=key.hotkey, modifier=key.modifier
-            )
-
-            always = key.name in ALWAYS
-
-            @command.on_trigger
-            async def _(_: object, act=actions[key.name], always=always) -> None:  # pyright: ignore
-                if always or state.playback is None:
-                    act()
-
-            if key.name == "V":
-                offer_home(state.client, command, f"{key.title} ({key.name})", key.meaning)
+        add_keys(state, KEYS, actions, ALWAYS)
 
 
 def _text() -> str:
