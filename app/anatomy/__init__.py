@@ -13,6 +13,7 @@ from app.anatomy.anatomy_network import AnatomyNetwork, anatomy_network
 from app.anatomy.hepatocystic_triangle import drawn_anatomy
 from app.anatomy.patient_case import PatientCase, named_labels, patient_case, write_case
 from app.anatomy.tables import Anatomy, TubeTable
+from app.anatomy.tube_organ import place_of, tube_organ
 
 __all__ = [
     "Anatomy",
@@ -29,9 +30,11 @@ __all__ = [
     "labels_suffix",
     "named_labels",
     "patient_case",
+    "place_of",
     "read_anatomy",
     "shipped_anatomies",
     "tube_line",
     "tube_lines",
+    "tube_organ",
     "write_case",
 ]

@@ -11,6 +11,7 @@ import tomli_w
 
 from app.anatomy.anatomy_geometry import tube_lines
 from app.anatomy.tables import Anatomy, JoinTable, LayerTable, Place, TableError, TubeTable
+from app.anatomy.tube_organ import ORGAN_SUFFIX, check_organs, with_organs
 from app.bounded_file import decoded, read_bounded
 from assets import ANATOMIES
 
@@ -39,18 +40,18 @@ _UNKNOWN_FIELD = re.compile(r"unknown field `(\w+)`")
 
 
 def read_anatomy(path: Path) -> Anatomy:
-    """Return the anatomy in a file, checked; errors name the line and the tube."""
+    """Return the anatomy in a file, with its organs, checked; errors name line and tube."""
     content = read_bounded(path, MOST_BYTES, "anatomy")
     try:
         anatomy = decoded(msgspec.toml.decode, content, Anatomy, "")
     except ValueError as error:
         raise ValueError(_located(path, content, str(error).removeprefix(": "))) from None
     try:
-        checked(anatomy)
+        check_tables(anatomy)
+        return checked(with_organs(anatomy, path.parent))
     except TableError as fault:
         line = _line_of(content, fault.table, fault.number, fault.field)
         raise ValueError(f"{path}{line}: {fault}") from None
-    return anatomy
 
 
 def shipped_anatomies() -> dict[str, Path]:
@@ -72,7 +73,7 @@ def anatomy_named(name: str | Anatomy) -> Anatomy:
 def checked(anatomy: Anatomy) -> Anatomy:
     """Return an anatomy whose tables can be; a `TableError` at the first that cannot."""
     check_tables(anatomy)
-    tube_lines(anatomy)
+    check_organs(anatomy, tube_lines(anatomy))
     return anatomy
 
 
@@ -152,7 +153,7 @@ def _check_tube(tube: TubeTable, number: int, seen: set[str]) -> None:
         ("strength_MPa", tube.strength_MPa),
     ):
         _check_range(value, name, f"tube {tube.name!r}", "tube", number)
-    if tube.organ is not None:
+    if tube.organ is not None and tube.organ.endswith(ORGAN_SUFFIX):
         _check_beside(tube.organ, "tube", number)
     if tube.wall_mm >= min(radii):
         raise fault(

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy.anatomy_geometry import TubeLine
-from app.anatomy.tables import Anatomy, TubeTable
-from organ_geometry import Organ, read_organ, round_organ
+from app.anatomy.tables import Anatomy
+from app.anatomy.tube_organ import tube_organ
 from organ_geometry.mesh import SUFFIXES, Surface, mesh_content, organ_skin
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["anatomy_mesh", "mesh_suffix"]
+__all__ = ["EDGE_SHARE", "anatomy_mesh", "mesh_suffix"]
 
-# Of a tube's mean radius: edges of its triangles.
-_EDGE_SHARE = 0.3
+EDGE_SHARE = 0.3
+"""Of a tube's mean radius: edges of its triangles."""
 # Of the merged surface: what it may be simplified by.
 _SHORTEST_MM = 1e-3
 # Of the way to a vertex's neighbours, and how often.
@@ -35,7 +35,7 @@ def mesh_suffix(path: Path, *, merged: bool) -> str:
 
 
 def anatomy_mesh(
-    anatomy: Anatomy, lines: dict[str, TubeLine], folder: Path, suffix: str, *, merged: bool
+    anatomy: Anatomy, lines: dict[str, TubeLine], suffix: str, *, merged: bool
 ) -> bytes:
     """Return the closed surfaces of an anatomy's tubes as a mesh file.
 
@@ -43,10 +43,8 @@ def anatomy_mesh(
     ----------
     anatomy, lines
         The anatomy and its tubes' axes.
-    folder
-        Where its organs are; a tube without one is round.
     suffix
-        Of `mesh_suffix`.
+        Of `mesh_suffix`; a `.glb` is made by `app.export.rigged_organ.rigged_tubes`.
     merged
         Whether tubes become one closed surface, as far as they join.
 
@@ -62,27 +60,12 @@ def anatomy_mesh(
     """
     surfaces: list[Surface] = []
     for tube in anatomy.tube:
-        organ = _organ(anatomy, tube, lines[tube.name], folder)
-        skin = organ_skin(organ, edge_length=_EDGE_SHARE * organ.mean_radius)
+        organ = tube_organ(anatomy, tube, lines[tube.name])
+        skin = organ_skin(organ, edge_length=EDGE_SHARE * organ.mean_radius)
         surfaces.append(Surface(tube.name, skin, skin.vertices))
     if not merged:
         return mesh_content(surfaces, suffix)
     return _merged(surfaces, suffix)
-
-
-def _organ(anatomy: Anatomy, tube: TubeTable, line: TubeLine, folder: Path) -> Organ:
-    if tube.organ is not None:
-        if Path(tube.organ).name != tube.organ:
-            raise ValueError(
-                f"tube {tube.name!r} has its organ at {tube.organ!r}: it must be a file beside the "
-                f"anatomy"
-            )
-        return read_organ(folder / tube.organ)
-    places: NDArray[np.float64] = line.places
-    if anatomy.place is not None:
-        rows = np.array(anatomy.place.rows_LPS, dtype=np.float64)
-        places = places @ rows + np.array(anatomy.place.origin_LPS_mm, dtype=np.float64)
-    return round_organ(places, line.radius, tube.name)
 
 
 def _merged(surfaces: list[Surface], suffix: str) -> bytes:

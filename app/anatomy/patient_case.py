@@ -40,8 +40,9 @@ from app.anatomy.tables import (
     TubeTable,
 )
 from app.anatomy.tube_kinds import Role, kind_of_name, wall_of
+from app.anatomy.tube_organ import ORGAN_SUFFIX, check_organs, organ_content, organ_text
 from app.bounded_file import decoded, read_bounded
-from organ_geometry import LabelTubes, LabelVolume, make_folder, tubes_of_labels, write_organ
+from organ_geometry import LabelTubes, LabelVolume, make_folder, tubes_of_labels, write_atomic
 
 __all__ = [
     "NamedLabel",
@@ -329,17 +330,19 @@ def with_cystic_artery(anatomy: Anatomy) -> Anatomy:
     raise ValueError(f"no course of a cystic artery keeps clear of the other tubes: {fault}")
 
 
-def write_case(case: PatientCase, folder: Path) -> list[Path]:
-    """Write an anatomy and its organs into a folder and return the files."""
-    from organ_geometry import write_atomic
-
+def write_case(anatomy: Anatomy, folder: Path) -> list[Path]:
+    """Write an anatomy and its organs, a file each, into a folder and return the files."""
     make_folder(folder, f"a case needs a folder to write into, and {folder} cannot be one")
     files: list[Path] = []
-    for tube in case.tubes.tubes:
-        files.append(folder / f"{tube.name}.organ")
-        write_organ(tube.built.organ, files[-1])
+    tubes: list[TubeTable] = []
+    for tube in anatomy.tube:
+        if (content := organ_content(tube)) is not None:
+            files.append(folder / f"{tube.name}{ORGAN_SUFFIX}")
+            write_atomic(files[-1], content)
+            tube = msgspec.structs.replace(tube, organ=files[-1].name)
+        tubes.append(tube)
     files.append(folder / "anatomy.toml")
-    write_atomic(files[-1], anatomy_toml(case.anatomy).encode())
+    write_atomic(files[-1], anatomy_toml(msgspec.structs.replace(anatomy, tube=tubes)).encode())
     return files
 
 
@@ -395,7 +398,7 @@ def _anatomy(
         table = TubeTable(
             name=tube.name,
             kind=kind,
-            organ=f"{tube.name}.organ",
+            organ=organ_text(organ.encoded),
             points_mm=[cast("Point", tuple(point)) for point in (points.round(3) + 0.0).tolist()],
             radius_mm=radii,
             wall_mm=wall.thickness(radii),
@@ -422,7 +425,7 @@ def _anatomy(
     anatomy = msgspec.structs.replace(anatomy, touch=_touches(anatomy, lines, found))
     anatomy = msgspec.structs.replace(anatomy, layer=_layers(anatomy, lines))
     check_tables(anatomy)
-    tube_lines(anatomy)
+    check_organs(anatomy, tube_lines(anatomy))
     return anatomy
 
 

@@ -65,7 +65,7 @@ class TubeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     ends: tuple[TubeEnd, TubeEnd] = ("clamped", "clamped")
     elements: int = 20
     fluid: Fluid = "none"
-    organ: str | None = None  # the surface, a file beside this one
+    organ: str | None = None  # the surface: a file beside this one, or its content in base64
     source: str = ""
     confidence: Confidence = "assumed"  # of points and radii
     confidence_wall: Confidence = "assumed"

@@ -127,11 +127,7 @@ def anatomy(
 
         write_atomic(figure, anatomy_figure(made, lines, figure_kind(figure)))
     if mesh is not None:
-        from app.anatomy.anatomy_mesh import anatomy_mesh, mesh_suffix
-
-        beside = Path(source or "").parent
-        suffix = mesh_suffix(mesh, merged=merged)
-        write_atomic(mesh, anatomy_mesh(made, lines, beside, suffix, merged=merged))
+        write_atomic(mesh, _mesh(made, lines, mesh, merged=merged))
     if voxels is not None:
         from app.anatomy import anatomy_labels
         from organ_geometry import write_labels
@@ -140,6 +136,19 @@ def anatomy(
     if output is not None:
         write_atomic(output, anatomy_toml(made).encode())
     _report(made, lines, {}, [], as_json=as_json)
+
+
+def _mesh(made: "Anatomy", lines: "dict[str, TubeLine]", path: Path, *, merged: bool) -> bytes:
+    """Return the tubes' surfaces as a file of a name: a GLB with a rig for each tube."""
+    from app.anatomy.anatomy_mesh import anatomy_mesh, mesh_suffix
+
+    suffix = mesh_suffix(path, merged=merged)
+    if suffix != ".glb":
+        return anatomy_mesh(made, lines, suffix, merged=merged)
+    from app.export.rigged_organ import rigged_tubes
+    from app.simulation import Tubes
+
+    return rigged_tubes(Tubes.of_anatomy(made))
 
 
 def _from_labels(
@@ -175,7 +184,7 @@ def _from_labels(
             draw_artery=draw_artery,
             progress=progress,
         )
-    write_case(case, folder)
+    write_case(case.anatomy, folder)
     lines = tube_lines(case.anatomy)
     if figure is not None:
         from app.anatomy.figure import anatomy_figure, figure_kind

@@ -28,12 +28,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from app.anatomy.anatomy_mesh import EDGE_SHARE
 from app.export.motion import Motion
 from app.export.snapshot import NAMES
 from app.export.strand_mesh import StrandMesh, strand_mesh
 from app.export.strands import BedTrack
 from app.export.torn_rim import RimShapes, rim_shapes
-from app.simulation import PIECES
+from app.simulation import PIECES, Tubes
 from organ_geometry import DrivingPoints
 from organ_geometry.mesh import (
     GLTF_FROM_MM,
@@ -43,11 +44,12 @@ from organ_geometry.mesh import (
     Skin,
     TornPiece,
     metres,
+    organ_skin,
     skin_primitives,
     turned,
 )
 
-__all__ = ["STRANDS", "Rig", "rigged_organ", "rigged_organs"]
+__all__ = ["STRANDS", "Rig", "rigged_organ", "rigged_organs", "rigged_tubes"]
 
 STRANDS = "strands"
 """Name of the mesh of a bed's strands."""
@@ -115,6 +117,16 @@ def rigged_organs(rigs: Sequence[Rig]) -> bytes:
     return file.content()
 
 
+def rigged_tubes(tubes: Tubes) -> bytes:
+    """Return tubes at rest as a binary glTF: each a mesh by its name, with its own rig."""
+    rigs: list[Rig] = []
+    for name, dissection in zip(tubes.names, tubes.dissections, strict=True):
+        radius = dissection.organ.mean_radius
+        skin = organ_skin(dissection.organ, edge_length=EDGE_SHARE * radius)
+        rigs.append(Rig(skin, dissection.driving, [], None, radius, (name, name, name)))
+    return rigged_organs(rigs)
+
+
 def _check(rig: Rig) -> None:
     if len(rig.skin.vertices) > MOST_VERTICES:
         raise ValueError(
@@ -135,7 +147,7 @@ class _Rigged:
 
     def __init__(self, file: GltfFile, rig: Rig) -> None:
         self._rig, motions, driving = rig, rig.motions, rig.driving
-        first, last = _moving(motions)
+        first, last = _moving(motions) if motions else (0, len(driving.stations) - 1)
         named, *piece_names = rig.names
         self._whole = whole = _chain(file, named, driving, np.arange(first, last + 1), shown=True)
         mesh = _mesh(file, named, rig.skin.bound_to(driving), whole)
@@ -157,7 +169,7 @@ class _Rigged:
             self._holder = chain.root
         self._beds = [None if motion.bed is None else strand_mesh(motion.bed) for motion in motions]
         self._hung = whole  # what the strands' ends follow: once there are pieces, their own joints
-        if self._beds[0] is not None and motions[0].bed is not None:
+        if motions and self._beds[0] is not None and motions[0].bed is not None:
             if self._torn:
                 self._hung = _chain(file, STRANDS, driving, np.arange(first, last + 1), shown=True)
             mesh = _strands(file, self._beds[0], motions[0].bed, driving, self._hung)

@@ -40,8 +40,10 @@ class BeddedSurface:
         self._dissection, self._rest, self.strands = dissection, rest, strands
         self.tube = tube
         self.scale = rest.span / dissection.beam.span  # of stations on the beam over the duct's
+        first, last = dissection.clamps
+        self._ratio = (last - first) / rest.span  # of the organ's axis over the beam's
         self._first = dissection.origin
-        self._driven = self.scale * (dissection.driving.stations - dissection.clamps[0])
+        self._driven = (dissection.driving.stations - first) / self._ratio
 
     def move(
         self, beam: BeamOnBed, out: Floats, piece: int | None = None, torn_element: int = -1
@@ -99,7 +101,7 @@ class BeddedSurface:
         # (S,) stations along the organ's axis, (S, 3) ends on its surface and (S, 3) feet, mm.
         strands, organ = self.strands, self._dissection.organ
         frame = self._dissection.frame
-        stations = self._dissection.clamps[0] + strands.stations / self.scale
+        stations = self._dissection.clamps[0] + self._ratio * strands.stations
         places, axes = self._rest.frames_at(strands.stations)
         out = strands.ends - places
         # A strand that holds the axis itself is drawn from straight below it.

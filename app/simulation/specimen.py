@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
-from app.anatomy import Anatomy, tube_line
+from app.anatomy import Anatomy, tube_line, tube_organ
 from app.simulation.bed_preset import BedPreset
 from app.simulation.dissection import Dissection
 from app.simulation.preset import Preset, RoundBeam
 from app.simulation.relaxation_preset import relaxation_named
-from app.simulation.tubes import Tubes, tube_organ, tube_preset
+from app.simulation.tubes import Tubes, tube_preset
 from organ_geometry import Organ
 from physics import Beam, Exact, Linear, Theory
 from physics.bed import BeamOnBed, Bed, Network, Relaxation, SpaceBeam, Strands
@@ -88,7 +88,8 @@ class Specimen:
     def of_anatomy(cls, anatomy: Anatomy) -> "Specimen":
         """Return an anatomy's tubes in their tissue."""
         first = anatomy.tube[0]
-        return cls(tube_preset(first), tube_organ(first, tube_line(first)), anatomy=anatomy)
+        organ = tube_organ(anatomy, first, tube_line(first))
+        return cls(tube_preset(first), organ, anatomy=anatomy)
 
     def tubes(self, *, elements: int) -> Tubes:
         """Return the tubes at rest; a single duct's beam has so many elements."""

@@ -7,15 +7,23 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from app.anatomy import Anatomy, TubeLine, TubeTable, anatomy_network, tube_lines
+from app.anatomy import (
+    Anatomy,
+    TubeLine,
+    TubeTable,
+    anatomy_network,
+    place_of,
+    tube_lines,
+    tube_organ,
+)
 from app.simulation.bedded_surface import BeddedSurface
 from app.simulation.dissection import DRIVING_POINTS_PER_SPAN, Dissection
 from app.simulation.preset import OrganBeam, Preset
-from organ_geometry import DrivingPoints, Organ, round_organ
+from organ_geometry import DrivingPoints
 from physics import Beam
 from physics.bed import BeamOnBed, Flow, Network, SpaceBeam, Strands
 
-__all__ = ["Tubes", "tube_organ", "tube_preset"]
+__all__ = ["Tubes", "tube_preset"]
 
 Floats = NDArray[np.float64]
 
@@ -70,14 +78,14 @@ class Tubes:
 
     @classmethod
     def of_anatomy(cls, anatomy: Anatomy) -> "Tubes":
-        """Return the tubes of an anatomy, all in its frame."""
+        """Return the tubes of an anatomy, whose frame is the beams'."""
         made, lines = anatomy_network(anatomy), tube_lines(anatomy)
         return cls(
             made.network,
             made.strands,
             made.floor,
             tuple(
-                _dissection(each, lines[each.name], made.network.tubes[each.name])
+                _dissection(anatomy, each, lines[each.name], made.network.tubes[each.name])
                 for each in anatomy.tube
             ),
             tuple(float(each.strength_MPa) for each in anatomy.tube),
@@ -97,14 +105,10 @@ def tube_preset(tube: TubeTable) -> Preset:
     )
 
 
-def tube_organ(tube: TubeTable, line: TubeLine) -> Organ:
-    """Return the round surface of an anatomy's tube, in the anatomy's frame."""
-    return round_organ(line.places, line.radius, tube.name)
-
-
-def _dissection(tube: TubeTable, line: TubeLine, rest: SpaceBeam) -> Dissection:
-    """Return a tube's round surface in the anatomy's frame, driven along its axis."""
-    preset, organ = tube_preset(tube), tube_organ(tube, line)
+def _dissection(anatomy: Anatomy, tube: TubeTable, line: TubeLine, rest: SpaceBeam) -> Dissection:
+    """Return a tube's surface, its organ's or a round one, driven along the tube's axis."""
+    preset, organ = tube_preset(tube), tube_organ(anatomy, tube, line)
+    rows, origin = place_of(anatomy)
     beam = Beam.round(
         span=rest.span,
         diameter=2.0 * float(line.radius.mean()),
@@ -116,4 +120,4 @@ def _dissection(tube: TubeTable, line: TubeLine, rest: SpaceBeam) -> Dissection:
     driving = DrivingPoints.of(
         organ, spacing=organ.length / DRIVING_POINTS_PER_SPAN, at=np.array(clamps)
     )
-    return Dissection(organ, preset, beam, clamps, driving, np.eye(3), np.zeros(3))
+    return Dissection(organ, preset, beam, clamps, driving, rows.T.copy(), origin)

@@ -106,7 +106,7 @@ def test_a_case_is_written_and_read_again(volume: LabelVolume, names: Path, tmp_
     rows, origin = np.array(anatomy.place.rows_LPS), np.array(anatomy.place.origin_LPS_mm)
     for tube in anatomy.tube:
         assert tube.organ is not None
-        organ = read_organ(folder / tube.organ)
+        organ = read_organ(folder / f"{tube.name}.organ")
         points = np.array(tube.points_mm) @ rows + origin
         free = [end for end, how in ((0, tube.ends[0]), (-1, tube.ends[1])) if how != "joined"]
         for end in free:

@@ -1,17 +1,24 @@
 """The surfaces of an anatomy's tubes: closed one by one, and closed as one."""
 
-import json
-import struct
+import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from drawn_labels import Drawn, drawn_volume, write
+from gltf_reader import Gltf
+from other_programs import validated
 from program import refused, run
+from rigged import walls
 
-from app.anatomy import read_anatomy, shipped_anatomies, tube_lines
-from organ_geometry import round_organ
+from app.anatomy import place_of, read_anatomy, shipped_anatomies, tube_lines
+from app.anatomy.anatomy_mesh import EDGE_SHARE
+from app.simulation import Tubes
+from organ_geometry import read_organ, round_organ
+from organ_geometry.mesh import organ_skin
+from physics.bed import BeamOnBed
 
 NORMAL = ["common", "cystic", "gallbladder", "rha", "artery"]
 
@@ -31,16 +38,6 @@ def test_a_round_organ_has_its_circles_areas() -> None:
     # Degree-6 half-curves follow a circle to about a thousandth of its area.
     areas = organ.section_properties(organ.stations).area
     np.testing.assert_allclose(areas, np.pi * radii**2, rtol=2e-3)
-
-
-def test_a_glb_has_each_tube_by_its_name(tmp_path: Path) -> None:
-    path = tmp_path / "normal.glb"
-    assert run("anatomy", "normal", "--mesh", path).returncode == 0
-    content = path.read_bytes()
-    (size,) = struct.unpack("<I", content[12:16])
-    tree = json.loads(content[20 : 20 + size])
-    assert [node["name"] for node in tree["nodes"]] == NORMAL
-    assert [mesh["name"] for mesh in tree["meshes"]] == NORMAL
 
 
 def test_every_tube_is_closed(tmp_path: Path) -> None:
@@ -73,9 +70,11 @@ def test_merged_tubes_are_one_closed_surface(name: str, tmp_path: Path) -> None:
     assert max(volumes) < whole.volume < sum(volumes)
 
 
-def test_a_patient_s_organs_are_merged_where_they_stand(tmp_path: Path) -> None:
-    pytest.importorskip("manifold3d")
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a case of two ducts, found in labels."""
     pytest.importorskip("SimpleITK")
+    tmp_path = tmp_path_factory.mktemp("labels")
     drawn = {
         1: Drawn((20.0, 30.0, 40.0), (20.0, 30.0, 90.0), 3.0),
         2: Drawn((20.0, 30.0, 64.0), (4.0, 30.0, 83.0), 2.0),
@@ -85,6 +84,76 @@ def test_a_patient_s_organs_are_merged_where_they_stand(tmp_path: Path) -> None:
     case = tmp_path / "case"
     done = run("anatomy", "--labels", labels, "--names", tmp_path / "names.json", "-o", case)
     assert done.returncode == 0, done.stderr
+    return case
+
+
+def test_a_case_s_tubes_have_their_organs_and_move_with_their_beams(case: Path) -> None:
+    """The organ of the file to the bit; and beams that turn as a whole turn it in LPS."""
+    anatomy = read_anatomy(case / "anatomy.toml")
+    tubes, (rows, origin) = Tubes.of_anatomy(anatomy), place_of(anatomy)
+    bed = BeamOnBed(tubes.network)
+    angle, shift = 0.7, np.array([3.0, -2.0, 5.0])
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    bed.state.x[:] = bed.state.x @ turn.T + shift
+    w, x, y, z = bed.state.q.T.copy()
+    c, s = np.cos(angle / 2), np.sin(angle / 2)
+    bed.state.q[:] = np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=1)
+    for name, dissection, surface in zip(
+        tubes.names, tubes.dissections, tubes.surfaces, strict=True
+    ):
+        organ = dissection.organ
+        assert organ.encoded == (case / f"{name}.organ").read_bytes()
+        skin = organ_skin(organ, edge_length=1.0)
+        moved = surface.move(bed, dissection.rest_transforms())
+        found = skin.bound_to(dissection.driving).deform(moved, np.empty_like(skin.vertices))
+        local = (skin.vertices - origin) @ rows.T
+        wanted = (local @ turn.T + shift) @ rows + origin
+        # Points of the organ's axis are moved as the beam's, which lies up to 0.05 mm beside it.
+        np.testing.assert_allclose(found, wanted, atol=0.05)
+
+
+def test_a_case_s_glb_has_a_rig_for_each_tube(case: Path, tmp_path: Path) -> None:
+    path = tmp_path / "case.glb"
+    assert run("anatomy", case / "anatomy.toml", "--mesh", path).returncode == 0
+    gltf = Gltf(path.read_bytes())
+    names = ["common_duct", "cystic_duct"]
+    assert [mesh["name"] for mesh in gltf.tree["meshes"]] == names
+    assert [skin["name"] for skin in gltf.tree["skins"]] == names
+    assert "animations" not in gltf.tree
+    (report,) = validated(path)
+    assert report["issues"]["numErrors"] == 0
+    for name in names:
+        organ = read_organ(case / f"{name}.organ")
+        skin = organ_skin(organ, edge_length=EDGE_SHARE * organ.mean_radius)
+        for shown, wanted in zip(gltf.vertices(name), walls(skin, skin.vertices), strict=True):
+            np.testing.assert_allclose(shown, wanted, atol=1e-7)
+
+
+def test_an_organ_of_another_tube_is_refused(case: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(case, other)
+    (other / "cystic_duct.organ").write_bytes((case / "common_duct.organ").read_bytes())
+    assert re.search(
+        r"anatomy.toml, line \d+: tube 'cystic_duct': its organ's axis is [\d.]+ mm from",
+        refused(["anatomy", other / "anatomy.toml"]),
+    )
+    (other / "cystic_duct.organ").write_bytes(b"no organ")
+    assert "cystic_duct.organ" in refused(["anatomy", other / "anatomy.toml"])
+
+
+def test_an_anatomy_can_hold_its_organs(case: Path, tmp_path: Path) -> None:
+    """Written elsewhere it has what was beside it; content that is none is named."""
+    alone = tmp_path / "alone.toml"
+    assert run("anatomy", case / "anatomy.toml", "-o", alone).returncode == 0
+    assert read_anatomy(alone) == read_anatomy(case / "anatomy.toml")
+    text = re.sub(r'organ = "[^"]*"', 'organ = "bm90aGluZw=="', alone.read_text(), count=1)
+    alone.write_text(text)
+    assert "neither a file's name" in refused(["anatomy", alone])
+
+
+def test_a_patient_s_organs_are_merged_where_they_stand(case: Path, tmp_path: Path) -> None:
+    pytest.importorskip("manifold3d")
     path = tmp_path / "case.stl"
     assert run("anatomy", case / "anatomy.toml", "--mesh", path, "--merged").returncode == 0
     whole = mesh_of(path)
@@ -98,7 +167,7 @@ def test_an_organ_elsewhere_is_refused(tmp_path: Path) -> None:
     text = shipped_anatomies()["normal"].read_text()
     path = tmp_path / "anatomy.toml"
     path.write_text(text.replace('kind = "duct"', 'kind = "duct"\norgan = "../x.organ"', 1))
-    assert "beside the anatomy" in refused(["anatomy", path, "--mesh", tmp_path / "a.stl"])
+    assert "beside the anatomy" in refused(["anatomy", path])
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from app.anatomy import AnatomyNetwork, anatomy_named, anatomy_network, shipped_
 from app.simulation import (
     TICK_SECONDS,
     TROCARS,
+    Dissection,
     Feedback,
     Session,
     Specimen,
@@ -34,6 +35,10 @@ from app.trainer.scope.near_place import near_place
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Packing, Well
 from app.trainer.scope.pose import OBLIQUE, Laparoscope, Pose
 from app.trainer.scope.surroundings import film_runs, floor_under, strand_table, working_place
+from app.trainer.scope.tube_walls import SIDES, tube_wall
+from organ_geometry import DrivingPoints, Organ
+from organ_geometry.curves.half_curves import fit_half_curves
+from physics.bed import SpaceBeam
 
 SCRIPTS = Path(__file__).parents[2] / "assets" / "scripts"
 TARGET = np.array([44.0, 8.0, 0.0])
@@ -165,6 +170,32 @@ def test_a_frame_is_small_and_says_what_is_known(made: AnatomyNetwork) -> None:
     taut = np.clip(longer / scale, -0.5, 1.0)[order]
     whole = codes > 0
     assert ((codes - 1) / 1000 * 1.5 - 0.5)[whole] == pytest.approx(taut[whole], abs=8e-4)
+
+
+def test_a_tube_is_drawn_by_its_sections() -> None:
+    """Of a straight tube of ellipses the page's distances are the ellipse's; of a round one r."""
+    axis = np.linspace((0.0, 0.0, 0.0), (40.0, 0.0, 0.0), 21)
+    outline = np.linspace(0.0, 2.0 * np.pi, 256, endpoint=False)
+    frames = np.tile(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), (21, 1, 1))
+    for wide, high in ((3.0, 2.0), (2.5, 2.5)):
+        ellipse = np.stack([wide * np.cos(outline), high * np.sin(outline)], axis=1)
+        rows = np.tile(fit_half_curves(ellipse).as_row(), (2, 1))
+        organ = Organ(axis=axis, frames=frames, keys=np.array([0, 20]), outer=rows)
+        specimen = Specimen.of_anatomy(anatomy_named("normal"))
+        driving = DrivingPoints.of(organ, spacing=1.0)
+        dissection = Dissection(
+            organ, specimen.preset, specimen.beam, (0.0, 40.0), driving, np.eye(3), np.zeros(3)
+        )
+        rest = SpaceBeam.round_tube(
+            axis, radius=np.array([2.5]), wall=0.5, modulus=0.1, poisson_ratio=0.5, elements=10
+        )
+        wall = tube_wall(dissection, rest, (False, False))
+        assert wall.shape == (3 * 10 + 1, SIDES)
+        # From up, which is z, towards the side, y the other way round: both are symmetric.
+        angle = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
+        wanted = 1.0 / np.hypot(np.sin(angle) / wide, np.cos(angle) / high)
+        # Half-curves of degree 6 miss a circle by up to a hundredth of its radius.
+        np.testing.assert_allclose(wall, np.tile(wanted, (31, 1)), rtol=0.012)
 
 
 @pytest.mark.parametrize("name", shipped_anatomies())

@@ -12,7 +12,7 @@ import numpy as np
 import viser
 
 from app.anatomy import AnatomyNetwork
-from app.simulation import Trocar
+from app.simulation import Dissection, Trocar
 from app.trainer.scope.packing import DrawnHand, Packing, Well
 from app.trainer.scope.pose import Laparoscope, Pose
 from app.trainer.scope.surroundings import (
@@ -20,6 +20,7 @@ from app.trainer.scope.surroundings import (
     floor_under,
     strand_table,
 )
+from app.trainer.scope.tube_walls import RINGS, SIDES, round_wall, tube_wall
 from app.trainer.stage.drawn import add_mesh
 from app.trainer.viser_bridge.fast_transport import stream
 from app.trainer.viser_bridge.page import file_text, float32_text, run_function, run_picture
@@ -83,6 +84,8 @@ class ScopePicture:
         Of one client.
     made, bed
         The anatomy's network, and its state.
+    dissections
+        Of each tube: its surface.
     scope
         Whose camera the page has.
     trocars
@@ -98,6 +101,7 @@ class ScopePicture:
         scene: viser.SceneApi,
         made: AnatomyNetwork,
         bed: BeamOnBed,
+        dissections: Sequence[Dissection],
         *,
         scope: Laparoscope,
         trocars: Sequence[Trocar],
@@ -118,7 +122,9 @@ class ScopePicture:
             "pivot": scope.pivot.tolist(),
             "base": scope.base.T.tolist(),
             "nodes": bed.places.shape[0],
-            "tubes": _tubes(made, bed),
+            "tubes": _tubes(made, bed, dissections),
+            "rings": RINGS,
+            "sides": SIDES,
             "strands": float32_text(strand_table(made, bed)),
             "runs": float32_text(runs),
             "films": float32_text(films),
@@ -154,10 +160,14 @@ class ScopePicture:
         self._mesh.remove()
 
 
-def _tubes(made: AnatomyNetwork, bed: BeamOnBed) -> list[dict[str, Any]]:
+def _tubes(
+    made: AnatomyNetwork, bed: BeamOnBed, dissections: Sequence[Dissection]
+) -> list[dict[str, Any]]:
     """Return what the page knows of each tube, and of the organs that nobody touches."""
     out: list[dict[str, Any]] = []
-    for tube in made.anatomy.tube:
+    for tube, dissection in zip(made.anatomy.tube, dissections, strict=True):
+        rest, joined = made.network.tubes[tube.name], [end == "joined" for end in tube.ends]
+        wall = tube_wall(dissection, rest, (joined[0], joined[1]))
         look = dict(LOOKS[tube.kind])
         if tube.name in FOLDED:
             look["folds"] = 1.0
@@ -165,11 +175,20 @@ def _tubes(made: AnatomyNetwork, bed: BeamOnBed) -> list[dict[str, Any]]:
             {
                 "name": tube.name,
                 "nodes": bed.nodes_of(tube.name).tolist(),
-                "radius": [round(float(r), 3) for r in made.network.tubes[tube.name].radius],
-                "joined": [end == "joined" for end in tube.ends],
+                "radius": [round(float(r), 3) for r in rest.radius],
+                "wall": float32_text(wall),
+                "joined": joined,
                 "bare": tube.kind == "organ",
                 "look": look,
             }
         )
-    out.append({"name": "duodenum", "still": DUODENUM, "bare": True, "look": LOOKS["duodenum"]})
+    out.append(
+        {
+            "name": "duodenum",
+            "still": DUODENUM,
+            "wall": float32_text(round_wall(np.array(DUODENUM))),
+            "bare": True,
+            "look": LOOKS["duodenum"],
+        }
+    )
     return out

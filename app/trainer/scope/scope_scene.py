@@ -176,6 +176,7 @@ class ScopeScene:
                 self._client.scene,
                 self._held.made,
                 self._session.spatial.beam,
+                self._session.spatial.tubes.dissections,
                 scope=scope,
                 trocars=TROCARS,
                 instruments=INSTRUMENTS,

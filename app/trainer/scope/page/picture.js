@@ -5,7 +5,7 @@
   const scope = window.bluntdissectScope;
   if (scope.show) return;
   const { add, sub, unit, cross, numbers, clamp, dice } = scope.algebra;
-  const PICTURE = 256, SIDES = 18, RINGS = 3;  // dots of the noise; round a tube, and an element
+  const PICTURE = 256;                         // dots of the noise
   const MOVED = 0.12, DRAPED_MS = 90;          // mm that a node moves before the sheet is laid anew
   const NEAR = 1, FAR = 800, FIELD = Math.PI / 3;
   const BEAT_HZ = 1.2, SWELLS = 0.035;         // of an artery: heart's rate, and part of its radius
@@ -88,9 +88,8 @@
     #makeTubes() {
       const { state, make } = this;
       this.tubes = state.tubes.map(tube => {
-        const rings = RINGS * (tube.count - 1) + 1, place = new Float32Array(2 * rings * (SIDES + 1));
-        for (let j = 0; j < rings; j++) for (let i = 0; i <= SIDES; i++) place.set([j / RINGS, 2 * Math.PI * i / SIDES], 2 * (j * (SIDES + 1) + i));
-        const geometry = make.geometry({ position: [new Float32Array(1.5 * place.length), 3], place: [place, 2] }, gridIndex(SIDES + 1, rings));
+        const { place, wall, rings } = wallOf(tube, this.given);
+        const geometry = make.geometry({ position: [new Float32Array(1.5 * place.length), 3], place: [place, 2], wall: [wall, 3] }, gridIndex(this.given.sides + 1, rings));
         const look = tube.look, own = {
           uFirst: tube.first, uCount: tube.count, uTorn: [-1, -1], uPulse: 0, uColor: look.color, uDeep: look.deep,
           uLook: [look.vessels, look.bumps, look.rough, look.wet], uCoat: [look.fibres, look.fat], uLump: look.lumps, uFold: look.folds,
@@ -323,6 +322,23 @@
       this.finer?.();
     }
   }
+
+  // A tube's grid, closed at both ends, from its wall in tube_walls.py: places along it, in elements,
+  // and round it, rad; distances from the curve, mm, with their slopes along and round it.
+  const wallOf = (tube, { rings: each, sides }) => {
+    const given = numbers(tube.wall), last = each * (tube.count - 1), rings = last + 3;
+    const place = new Float32Array(2 * rings * (sides + 1)), wall = new Float32Array(3 * rings * (sides + 1));
+    const at = (j, i) => given[clamp(j, 0, last) * sides + (i + sides) % sides];
+    for (let k = 0; k < rings; k++) for (let i = 0; i <= sides; i++) {
+      const j = clamp(k - 1, 0, last), n = k * (sides + 1) + i, end = k === 0 ? -1 : k === rings - 1 ? 1 : 0;
+      place.set([j / each, 2 * Math.PI * i / sides], 2 * n);
+      const along = (at(j + 1, i) - at(j - 1, i)) * each / (Math.min(j + 1, last) - Math.max(j - 1, 0));
+      const round = (at(j, i + 1) - at(j, i - 1)) * sides / (4 * Math.PI);
+      // An end is closed by a ring of no size that looks along the tube.
+      wall.set(end ? [0, -1e3 * end, 0] : [at(j, i), along, round], 3 * n);
+    }
+    return { place, wall, rings };
+  };
 
   const gridIndex = (columns, rows) => {
     const index = new Uint32Array(6 * (columns - 1) * (rows - 1));

@@ -3,7 +3,7 @@
   const scope = window.bluntdissectScope;
   if (scope.State) return;
   const { clamp, mix, sub, dot, cross, unit, numbers } = scope.algebra;
-  const HEADER = 72, CLIPS = 8, TEARS = 4, NODE = 6, WIDE = 256, SLACKEST = -0.5, STEPS = 1000;
+  const HEADER = 72, CLIPS = 8, TEARS = 4, NODE = 6, SLACKEST = -0.5, STEPS = 1000;
   const POSE = ["pan", "tilt", "depth", "cable", "head", "angle"];
   const PART_MS = 350;  // that a strand takes to draw back
 
@@ -19,8 +19,9 @@
         tube.count = tube.nodes ? tube.nodes.length : tube.still.length;
         first += tube.count;
       }
-      this.rows = new Float32Array(4 * WIDE * 2);  // places and radii, then the cross-sections' up
-      this.nodeTexture = texture(this.rows, WIDE, 2);
+      this.wide = first;
+      this.rows = new Float32Array(4 * first * 2);  // places and radii, then the cross-sections' up
+      this.nodeTexture = texture(this.rows, first, 2);
       const rows = Math.ceil(2 * this.count / 128);
       this.ends = new Float32Array(4 * 128 * rows);
       this.endTexture = texture(this.ends, 128, rows);
@@ -109,7 +110,7 @@
         const along = unit(sub(place(i + 1), place(i - 1))), up = upOf(i);
         let across = sub(up, along.map(x => x * dot(up, along)));
         if (Math.hypot(...across) < 0.2) across = cross(along, [0, 1, 0]);
-        rows.set(unit(across), 4 * (WIDE + tube.first + i));
+        rows.set(unit(across), 4 * (this.wide + tube.first + i));
       }
     }
 

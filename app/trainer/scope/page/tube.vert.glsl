@@ -1,5 +1,6 @@
-// A tube's wall from its nodes: a Catmull-Rom curve, its radius, folds, pulse, tear and dents.
+// A tube's wall from its nodes: a Catmull-Rom curve, the wall about it, folds, pulse, tear and dents.
 attribute vec2 place;  // along it, in elements, and round it, rad
+attribute vec3 wall;   // distance from the curve, mm, and its slopes along and round it
 uniform sampler2D uNodes;  // row 0: place and radius; row 1: up in the cross-section
 uniform float uFirst, uCount, uLump, uFold, uPulse;
 uniform vec2 uTorn;  // numbers of its torn elements, -1 for none
@@ -32,14 +33,15 @@ void main() {
   up = normalize(up - along * dot(up, along));
   vec3 side = cross(along, up), outward = cos(place.y) * up + sin(place.y) * side;
   float mm = s * length(dm.xyz);
-  float r = m.w * (1.0 + uPulse + uLump * (0.05 * sin(s * 2.3 + 1.7 * sin(place.y)) + 0.04 * sin(place.y * 2.0 + s * 1.1)));
+  float r = wall.x * (1.0 + uPulse + uLump * (0.05 * sin(s * 2.3 + 1.7 * sin(place.y)) + 0.04 * sin(place.y * 2.0 + s * 1.1)));
   // The spiral valves of a cystic duct.
   r *= 1.0 + uFold * 0.05 * sin(2.9 * mm + place.y + 0.8 * sin(0.7 * mm));
   // A torn end shrinks together and is uneven.
   r *= 1.0 - 0.30 * smoothstep(0.7, 0.0, vRim);
   vPlace = m.xyz + r * outward;
   if (vRim < 0.2) vPlace += along * 0.35 * r * sin(3.0 * place.y + 1.3) * (s > 0.5 * (low + high) ? 1.0 : -1.0);
-  vNormal = normalize(outward - along * (dm.w / max(length(dm.xyz), 1e-3)));
+  vec3 about = cos(place.y) * side - sin(place.y) * up;
+  vNormal = normalize(outward - along * (wall.y / max(length(dm.xyz), 1e-3)) - about * (wall.z / max(wall.x, 0.05)));
   for (int k = 0; k < 2; k++) if (uDent[k].w > 0.0) {
     vec3 w = vPlace - uDent[k].xyz;
     float near = exp(-dot(w, w) / 14.0) * min(uDent[k].w, 0.45 * m.w);
