@@ -12,6 +12,7 @@ import tomli_w
 from app.anatomy.anatomy_geometry import tube_lines
 from app.anatomy.tables import Anatomy, JoinTable, LayerTable, Place, TableError, TubeTable
 from app.anatomy.tube_organ import ORGAN_SUFFIX, check_organs, with_organs
+from app.bed_preset import bed_presets
 from app.bounded_file import decoded, read_bounded
 from assets import ANATOMIES
 
@@ -180,8 +181,6 @@ def _check_join(anatomy: Anatomy, join: JoinTable, number: int) -> None:
 
 
 def _check_layer(anatomy: Anatomy, layer: LayerTable, number: int) -> None:
-    from app.simulation import bed_presets
-
     def fault(message: str, field: str) -> TableError:
         return TableError(
             f"layer of {layer.tube!r} to {layer.to!r}: {message}", "layer", number, field

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy.tables import Anatomy, JoinTable, LayerTable, TableError, TubeTable
+from app.bed_preset import bed_named
 from physics.bed import BeamOnBed, Bed, End, Flow, Fluid, Join, Network, SpaceBeam, Strands
 from physics.bed.space_beam import axis_line
 
@@ -157,8 +158,6 @@ def _beam(anatomy: Anatomy, tube: TubeTable, joins: list[tuple[JoinTable, SpaceB
 
 def _bed(anatomy: Anatomy, layer: LayerTable, beam: SpaceBeam, *, seed: int) -> Bed:
     """Return the tissue of a layer: its preset's, with the layer's own numbers."""
-    from app.simulation import bed_named
-
     preset = bed_named(layer.preset)
     own: dict[str, Any] = {
         name: float(value)

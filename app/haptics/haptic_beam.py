@@ -27,7 +27,7 @@ from physics import (
 from physics.cubic_kernels import cubic_deflection
 from physics.quantity import positive
 
-__all__ = ["STRESS_STEPS", "UP", "HapticBeam", "HapticModel"]
+__all__ = ["STRESS_STEPS", "UP", "HapticBeam", "HapticModel", "tear"]
 
 UP = 2
 """Axis of the pull among right, forward and up."""
@@ -69,6 +69,15 @@ class HapticModel(Protocol):
     def assemble_ahead(self) -> None:
         """Do what the next step does wherever the hands go; what follows is the same to the bit."""
         ...
+
+
+def tear(model: HapticModel, hands: NDArray[np.float64]) -> None:
+    """Let a model tear: it has spent what it had stored, and its hooks follow the hands."""
+    model.torn = True
+    model.spent += model.stored
+    model.stored = 0.0
+    model.forces[:] = 0.0
+    model.hooks[:] = hands
 
 
 class HapticBeam:
@@ -170,11 +179,7 @@ class HapticBeam:
             broken = True
         self.elastic_forces[:] = self.forces
         if broken:
-            self.torn = True
-            self.spent += self.stored
-            self.stored = 0.0
-            self.forces[:] = 0.0
-            self.hooks[:] = hands
+            tear(self, hands)
 
     def _solve(self, heights: list[float]) -> bool:
         """Solve, fill forces and hooks and return whether the duct breaks."""

@@ -24,7 +24,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from app.haptics.haptic_beam import STRESS_STEPS
+from app.haptics.haptic_beam import STRESS_STEPS, tear
 from app.simulation import TICK_SECONDS, Touch
 from kernel_cache import njit
 from physics.bed import BeamOnBed
@@ -214,11 +214,7 @@ class HapticBed:
             energies.snap + energies.lag - self._snap_at_first - self._let_go - staggered - work
         )
         if broken:
-            self.torn = True
-            self.spent += self.stored
-            self.stored = 0.0
-            self.forces[:] = 0.0
-            self.hooks[:] = hands
+            tear(self, hands)
 
     def assemble_ahead(self) -> None:
         """Do what the next step does wherever the hands go; see `HapticModel`."""

@@ -4,7 +4,7 @@ What is listed here is the package's public face; other packages import from it 
 `app.simulation` has the duct in its bed of tissue.
 """
 
-from app.simulation.bed_preset import BedPreset, bed_named, bed_presets
+from app.bed_preset import BedPreset, bed_named, bed_presets
 from app.simulation.bedded_surface import BeddedSurface
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.bed_preset import bed_named
+from app.bed_preset import bed_named
 from app.simulation.clock import REACTION_SECONDS, TICK_SECONDS
 from app.simulation.errors import Conditions, Incidents
 from app.simulation.errors.incidents import Consequence

@@ -7,7 +7,7 @@ from typing import Literal
 import msgspec
 
 from app.anatomy import Anatomy
-from app.simulation.bed_preset import BedPreset
+from app.bed_preset import BedPreset
 from app.simulation.errors import ERROR_CLASSES
 from app.simulation.goals import BreakApart, CriticalView, FreeLength, Goal, Stay
 from app.simulation.inputs import INSTRUMENTS, Instrument

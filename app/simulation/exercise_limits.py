@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from app.anatomy import Anatomy
-from app.simulation.bed_preset import BedPreset, bed_named, named_or_whole
+from app.bed_preset import BedPreset, bed_named, named_or_whole
 from app.simulation.clock import REACTION_SECONDS
 from app.simulation.exercise import CriticalView, Exercise, FreeLength, Limit, Opening, Stay
 from app.simulation.exercise_table import EXERCISES

@@ -1,7 +1,7 @@
 """Goals of exercises, as data, and how far an attempt has come with one."""
 
 import math
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, ClassVar, Literal, Protocol
 
 import msgspec
 
@@ -201,7 +201,7 @@ class FreeLength(
             )
 
     least_seconds = TICK_SECONDS
-    band: Span | None = None
+    band: ClassVar[Span | None] = None
 
     def band_on(self, duct: GraspedBeam) -> Span | None:
         """None: it is no deflection."""
@@ -272,7 +272,7 @@ class BreakApart(
 
     words = "Tear the duct"
     least_seconds = TICK_SECONDS
-    band: Span | None = None
+    band: ClassVar[Span | None] = None
 
     def band_on(self, duct: GraspedBeam) -> Span | None:
         """None: the goal is a tear."""
@@ -306,7 +306,7 @@ class CriticalView(
     points: int  # of 6
 
     least_seconds = TICK_SECONDS
-    band: Span | None = None
+    band: ClassVar[Span | None] = None
 
     def __post_init__(self) -> None:
         if not 1 <= self.points <= MOST_POINTS:

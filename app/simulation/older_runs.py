@@ -4,8 +4,8 @@ from typing import Any, Literal, cast
 
 import msgspec
 
+from app.bed_preset import BedPreset
 from app.bounded_file import decoded
-from app.simulation.bed_preset import BedPreset
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback, Outcome
 from app.simulation.inputs import Input, InputKind, TheoryChoice, Value
 from app.simulation.metrics import Metrics

@@ -8,8 +8,8 @@ from typing import Any, Literal, TypeVar
 import msgspec
 import numpy as np
 
+from app.bed_preset import bed_named
 from app.bounded_file import decoded, read_bounded
-from app.simulation.bed_preset import bed_named
 from app.simulation.relaxation_preset import Prony, relaxation_named
 from physics import Beam, LawName, law_named
 from physics.bed import (

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from app.anatomy import Anatomy, anatomy_named, shipped_anatomies
-from app.simulation.bed_preset import BedPreset
+from app.bed_preset import BedPreset
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback, Outcome
 from app.simulation.inputs import (

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import anatomy_named
+from app.bed_preset import BedPreset, bed_named
 from app.simulation.attempt import Attempt
-from app.simulation.bed_preset import BedPreset, bed_named
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.dissection import default_preset, fits
 from app.simulation.drawn_duct import DrawnDuct

@@ -14,8 +14,8 @@ from typing import Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from app.bed_preset import BedPreset, named_or_whole
 from app.simulation.attempt import Taker
-from app.simulation.bed_preset import BedPreset, named_or_whole
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
 from app.simulation.dissection_measures import DissectionMeasureTaker

@@ -5,7 +5,7 @@ from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 from app.anatomy import Anatomy, tube_line, tube_organ
-from app.simulation.bed_preset import BedPreset
+from app.bed_preset import BedPreset
 from app.simulation.dissection import Dissection
 from app.simulation.preset import Preset, RoundBeam
 from app.simulation.relaxation_preset import relaxation_named

@@ -12,6 +12,8 @@ from simulated import phantom
 
 from app.anatomy import anatomy_named
 from app.simulation import TOWARDS_VIEWER, Exercise, Stay
+from app.trainer.client import background_worker
+from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.practice import Practice
 from app.trainer.client.workers import Workers
 from app.trainer.view.page_view import PageView
@@ -88,6 +90,30 @@ def test_a_result_waits_for_no_long_work_of_others(view: Any) -> None:
         assert view._panel.shown.wait(LONGEST)
     finally:
         go.set()
+
+
+def test_work_for_a_panel_that_was_removed_is_dropped(view: Any) -> None:
+    state, began, go = view.state, threading.Event(), threading.Event()
+    ended: list[str] = []
+
+    def write() -> None:
+        began.set()
+        go.wait(LONGEST)
+        ended.append("running")
+        raise RuntimeError("the widget has been removed")
+
+    worker = BackgroundWorker()
+    state.when_free(worker, "running", write)
+    state.when_free(worker, "waiting", lambda: ended.append("waiting"))
+    assert began.wait(LONGEST)
+    with pytest.MonkeyPatch.context() as patch:
+        failed = MagicMock()
+        patch.setattr(background_worker.log, "exception", failed)
+        state.remove_panel()
+        go.set()
+        worker.stop()
+        failed.assert_not_called()
+    assert ended == ["running"]
 
 
 def test_pages_begin_with_the_trainer_s_own_anatomy() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from program import refused, run
 
+from app.bed_preset import bed_presets
 from app.command_line.bed_options import BED_NAMES
-from app.simulation.bed_preset import bed_presets
 from app.simulation.peel_scene import (
     BeamTable,
     BedTable,

@@ -1,6 +1,6 @@
 """What the parts of one client's page share: its session, its choices, and what it replays."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -28,6 +28,7 @@ from app.simulation import (
     Vector,
     anatomy_or_name,
 )
+from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.beside import Beside, Role, StartCompanion
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.client.workers import Workers, explained
@@ -83,6 +84,7 @@ class PageState:
         self.beside = Beside(policy, self.refuse)
         self.client, self.session, self.workers = client, session, workers
         self.exercise_inputs: ExerciseInputs = exercise_inputs
+        self._panels = 0  # that have been removed
         self.last_run: RunFile | None = None
         # the run whose end the page has shown
         self.announced: object = session.run if session.run.over else None
@@ -235,6 +237,28 @@ class PageState:
         finally:
             self._changed = True
         return True
+
+    def when_free(
+        self, worker: BackgroundWorker, kind: Hashable, task: Callable[[], object]
+    ) -> None:
+        """Have a worker do a task for the panel that is shown now; once removed, it needs none."""
+        panels = self._panels
+
+        def do() -> None:
+            if panels != self._panels:
+                return
+            try:
+                task()
+            except RuntimeError:  # viser changes no widget that was removed meanwhile
+                if panels == self._panels:
+                    raise
+
+        worker.submit(kind, do)
+
+    def remove_panel(self) -> None:
+        """Remove the panel; what workers still do for it is dropped."""
+        self._panels += 1
+        self.client.gui.reset()
 
     # Runs
 

@@ -214,7 +214,7 @@ class BuildTab:
             if request == self._requests:
                 before = builder.tasks_ahead_of(kind)
                 self._say(_waiting(before) if before else "One moment.")
-                builder.submit(kind, do)
+                self._state.when_free(builder, kind, do)
 
         if after:
             pause = threading.Timer(after, begin)
@@ -320,7 +320,8 @@ class BuildTab:
         return _TELLING
 
     def _look(self) -> None:
-        self._state.workers.awaited.submit((id(self), "picture"), self._picture)
+        state = self._state
+        state.when_free(state.workers.awaited, (id(self), "picture"), self._picture)
 
     def _picture(self) -> None:
         opened = self._bench.opened

@@ -112,7 +112,7 @@ class ExerciseTab:
             self._start.disabled = not offered
             self._describe()
 
-        self._state.workers.background.submit((id(self), "offers"), find)
+        self._state.when_free(self._state.workers.background, (id(self), "offers"), find)
 
     def show(self) -> None:
         """Show the state of the exercise."""

@@ -8,7 +8,7 @@ import viser
 from viser import uplot
 
 from app.simulation import BeamModel, Dissection, GraspedBeam, Reading, Session
-from app.trainer.client.background_worker import BackgroundWorker
+from app.trainer.client.page_state import PageState
 from app.trainer.panel.plots import Curve, axes, dots, goal_area, key_html, line
 from app.validation.thesis_tables import INCH, LBF, TABLES
 from physics import Beam, Cubic, Exact, Theory
@@ -52,11 +52,11 @@ def ansys_points(beam: Beam, grasp: float) -> _Pair | None:
 
 
 class ForceCurve:
-    """One client's force-deflection plot; `background` solves the other theories' curves."""
+    """One client's force-deflection plot; a worker solves the other theories' curves."""
 
-    def __init__(self, gui: viser.GuiApi, background: BackgroundWorker) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PageState) -> None:
         nothing = np.zeros(2)
-        self._background = background
+        self._state = state
         self._lock = threading.Lock()
         self._key: object = None
         self._others_key: object = None
@@ -145,7 +145,8 @@ class ForceCurve:
 
         with self._lock:
             self._cubic = self._exact = self._ansys = None
-        self._background.submit((id(self), "others"), solve)
+        workers = self._state.workers
+        self._state.when_free(workers.background, (id(self), "others"), solve)
 
     def _explain(self) -> None:
         there = {

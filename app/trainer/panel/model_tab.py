@@ -215,7 +215,7 @@ class ModelTab:
                     "</div>"
                 )
 
-        state.workers.background.submit((id(self), "thresholds"), solve)
+        state.when_free(state.workers.background, (id(self), "thresholds"), solve)
 
     def _about_html(self) -> str:
         specimen = self._state.session.specimen

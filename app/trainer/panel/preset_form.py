@@ -125,7 +125,8 @@ class PresetForm:
         by_force = self._kind.value == FORCE
         for name, visible in (("force", by_force), ("stress", not by_force)):
             set_if_changed(self._fields[name], visible=visible)
-        self._state.workers.awaited.submit((id(self), "figures"), self._preview)
+        state = self._state
+        state.when_free(state.workers.awaited, (id(self), "figures"), self._preview)
 
     def _preview(self) -> None:
         dissection, theory = self._dissection, self._state.session.specimen.solved_by

@@ -41,7 +41,7 @@ class TrainTab:
         )
         if self._hands is not None:
             self._hands.add_lower(gui)
-        self._curve = ForceCurve(gui, state.workers.background) if state.in_plane else None
+        self._curve = ForceCurve(gui, state) if state.in_plane else None
         self._last = None if state.in_plane else LastSeconds(gui)
         on_click(self._pause, lambda: state.set_paused(not state.paused))
         on_click(self._reset, state.reset)

@@ -211,7 +211,7 @@ class PageView:
                 self._let_go()
                 self._forget_tear()
                 self._scene.remove()
-                self.client.gui.reset()
+                self.state.remove_panel()
                 if prepare is not None:
                     prepare()
                 self._open(scene, plain=self.state.plain)
@@ -260,7 +260,7 @@ class PageView:
             with self._lock:
                 if not self._closed:
                     self._panel.close()
-                    self.client.gui.reset()
+                    self.state.remove_panel()
                     self._add_panel(self.scene)
                 self._renewing = False
             if not self._closed:
@@ -358,7 +358,9 @@ class PageView:
             state.announced = run  # from now on another pull may begin anew
             if judged and kept is not None:
                 panel = self._panel
-                state.workers.awaited.submit((id(self), "result"), lambda: panel.show_result(kept))
+                state.when_free(
+                    state.workers.awaited, (id(self), "result"), lambda: panel.show_result(kept)
+                )
             elif reading.torn_at is not None:
                 self._notice = self.client.add_notification(
                     "The duct is torn",
