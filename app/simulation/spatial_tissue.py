@@ -433,10 +433,15 @@ class SpatialTissue:
         self._suction[hand] = wanted
         return "suck", (wanted,)
 
-    @property
-    def pooled_ml(self) -> float:
-        """What has been lost and not been taken up by suction, ml."""
-        return max(1e-3 * sum(flow.lost for flow in self.fluids.values()) - self.sucked_ml, 0.0)
+    def pooled_ml(self, fluid: str | None = None) -> float:
+        """Return what has been lost and not been taken up by suction, ml; of one fluid or of all.
+
+        Suction takes up fluids as they are mixed.
+        """
+        lost = {name: 1e-3 * flow.lost for name, flow in self.fluids.items()}
+        whole = sum(lost.values())
+        mine = whole if fluid is None else lost.get(fluid, 0.0)
+        return mine * max(1.0 - self.sucked_ml / whole, 0.0) if whole > 0.0 else 0.0
 
     def _open(self, hand: int, opening: float) -> Applied | None:
         holder = self.hands[hand]
@@ -641,7 +646,9 @@ class SpatialTissue:
 
     def _bleed(self) -> bool:
         """Let fluids flow out of holes for a tick, and take them up; return whether any flows."""
-        self.sucked_ml += min(sum(self._suction) * TICK_SECONDS, self.pooled_ml)
+        wanted = sum(self._suction) * TICK_SECONDS
+        if wanted > 0.0:
+            self.sucked_ml += min(wanted, self.pooled_ml())
         for fluid, flow in self.fluids.items():
             if not flow.advance(TICK_SECONDS) and not self._leaking:
                 continue

@@ -373,12 +373,12 @@ def test_clips_scissors_and_suction(lead: ScopeLead) -> None:
     lead.use_instrument()
     pass_time(lead, session, 2.0)
     assert tissue.fluids["blood"].lost > 100.0
-    pooled = tissue.pooled_ml
+    pooled = tissue.pooled_ml()
     lead.choose_instrument(1, "suction")
     lead.use_instrument()
     assert lead.sucks(1)
     pass_time(lead, session, 1.0)
-    assert tissue.pooled_ml < pooled
+    assert tissue.pooled_ml() < pooled
 
 
 def test_what_was_seen_of_a_run_and_its_replay_in_the_page() -> None:

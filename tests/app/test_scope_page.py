@@ -19,6 +19,9 @@ from app.trainer.view.page_view import PageView
 POSE = """() => { const p = window.bluntdissectScope?.picture, q = p?.pose;
     return q && [q.tip, q.right, q.up, q.back, [p.high, p.pivotError, p.drawn]]; }"""
 
+POOLS = """() => { const sheet = bluntdissectScope.picture.sheet;
+    return [sheet.bloodVolume, sheet.volumes.blood]; }"""
+
 
 @pytest.fixture(scope="module")
 def calot() -> Iterator[Trainer]:
@@ -116,6 +119,10 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
             return int(((red(now) > 3.0) & (now[..., 0] > 50.0)).sum()) > before + 300
 
         tab.wait_until(bled, 60.0)
+        drawn, computed = tab.page.evaluate(POOLS)
+        assert drawn == pytest.approx(computed, rel=1e-3)
+        view.state.reset()
+        tab.wait_until(lambda: tab.page.evaluate(POOLS) == [0, 0], 60.0)
         # The oblique scope looks from where its algebra says.
         tab.page.keyboard.press("z")
         tab.wait_until(lambda: page.camera.shaft @ page.camera.axes[:, 2] > -0.9)

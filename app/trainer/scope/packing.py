@@ -34,7 +34,7 @@ HEADER = 72
 HANDS, WELLS, CLIPS, TEARS = 2, 4, 8, 4
 """Of a frame at most: hands, places where something flows out, clips, and torn elements."""
 # Where they begin in the header, and how many numbers each has.
-POSE, HAND, WELL, CLIP, TEAR = 0, 8, 24, 44, 60
+POSE, POOL, HAND, WELL, CLIP, TEAR = 0, 6, 8, 24, 44, 60
 NODE_NUMBERS = 6
 # How taut, from fully slack to parting: -0.5 to 1 becomes 1 to 1001, and 0 is parted.
 STEPS = 1000
@@ -54,7 +54,7 @@ class DrawnHand:
 
 @dataclass(frozen=True, slots=True)
 class Well:
-    """A place where blood or bile flows out."""
+    """A place where blood or bile flows out, or did."""
 
     place: tuple[float, float, float]  # mm
     rate: float  # mm^3/s
@@ -82,16 +82,19 @@ class Packing:
         wells: Sequence[Well] = (),
         clips: Sequence[tuple[int, float]] = (),
         torn: Sequence[tuple[int, int]] = (),
+        pools: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Write a frame; the scope's `angle` is in rad.
 
         `clips` are a tube's number and a place along it in elements, `torn` a tube's number and the
-        element's. Of what there are too many, the last are drawn.
+        element's, `pools` blood and bile that lie in the field, mm^3. Of what there are too many,
+        the last are drawn.
         """
         head = self._head
         head[:] = 0.0
         head[POSE : POSE + 5] = pose.numbers
         head[POSE + 5] = angle
+        head[POOL : POOL + 2] = pools
         for i in range(HANDS):
             hand = hands[i] if i < len(hands) else DrawnHand(-1, (0.0, 0.0, 0.0))
             at = HAND + 8 * i

@@ -149,9 +149,10 @@ class ScopePicture:
         wells: Sequence[Well] = (),
         clips: Sequence[tuple[int, float]] = (),
         torn: Sequence[tuple[int, int]] = (),
+        pools: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Send a frame, if it differs from the last; see `Packing.write`."""
-        self._packing.write(bed, pose, self._scope.angle, hands, wells, clips, torn)
+        self._packing.write(bed, pose, self._scope.angle, hands, wells, clips, torn, pools)
         stream(self._mesh, "vertices", self._packing.numbers)
 
     def remove(self) -> None:

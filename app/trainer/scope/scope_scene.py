@@ -21,8 +21,6 @@ __all__ = ["ScopeScene"]
 Floats = NDArray[np.float64]
 
 INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
-# mm/s at most of what is drawn to flow out of one hole: more would flood the picture at once.
-MOST_RATE = 1200.0
 JAWS_APART = 3.0
 """mm between the ends of jaws that hold a wall."""
 
@@ -115,7 +113,13 @@ class ScopeScene:
         torn += [(tube, math.floor(at)) for tube, at in self._at_events("division")]
         pose = self._held.pose
         picture.send(
-            spatial.beam, pose, self._hands(), self._wells(), self._at_events("clip"), torn
+            spatial.beam,
+            pose,
+            self._hands(),
+            self._wells(),
+            self._at_events("clip"),
+            torn,
+            (1e3 * spatial.pooled_ml("blood"), 1e3 * spatial.pooled_ml("bile")),
         )
         leads = -1 if self._led.leads_scope else self._led.hand
         if self._told is not None and leads != self._leads:
@@ -211,16 +215,14 @@ class ScopeScene:
         return out
 
     def _wells(self) -> list[Well]:
-        """Return where blood and bile flow out."""
+        """Return where blood and bile flow out, the quickest last."""
         spatial = self._session.spatial
         out: list[Well] = []
         for fluid, flow in spatial.fluids.items():
             for hole in flow.holes:
-                if hole.flow > 0.0:
-                    x, y, z = (float(each) for each in spatial.beam.places[hole.node])
-                    rate = min(hole.flow, MOST_RATE)
-                    out.append(Well((x, y, z), rate, fluid == "bile"))
-        return out
+                x, y, z = (float(each) for each in spatial.beam.places[hole.node])
+                out.append(Well((x, y, z), hole.flow, fluid == "bile"))
+        return sorted(out, key=lambda well: well.rate)
 
     def _at_events(self, kind: EventKind) -> list[tuple[int, float]]:
         """Return tubes' numbers and places along them, in elements, where something was done."""

@@ -213,7 +213,7 @@
 
     #fluids() {
       this.wells.fill(0);
-      this.state.wells.forEach(({ place, rate, bile }, i) => { this.wells.set([...place, bile ? -rate : rate], 4 * i); });
+      this.state.wells.forEach(({ place, rate, kind }, i) => { this.wells.set([...place, kind === "bile" ? -rate : rate], 4 * i); });
     }
 
     #showClips() {
@@ -258,10 +258,8 @@
         if (this.webs) this.#fray();
         moving ||= this.shrinking;
       }
-      const seconds = Math.min(0.1, (now - (this.last ?? now)) / 1000);
-      this.last = now;
       const suckers = this.instruments.map((_, i) => state.hand(i)).filter(hand => given.instruments[hand.instrument] === "suction" && hand.opening > 0).map(hand => hand.tip);
-      if (sheet.flow(state.wells, suckers, seconds)) { sheet.fill(); this.field.needsUpdate = true; moving = true; }
+      if (sheet.flow(state.wells, suckers, state.pools)) { sheet.fill(); this.field.needsUpdate = true; moving = true; }
       if (given.plain) this.#coarsen(renderer);
       const pose = this.pose = scope.cameraOf(given.pivot, given.base, state.pose);
       this.#aim(camera, pose);

@@ -8,7 +8,8 @@
   const THICK = 0.35;        // of the sheet, mm
   const HEAPED = 2.6;        // of what is pushed aside, at the rim of a hole, mm
   const STAYS = 0.05;        // of a fluid where it has been, mm
-  const SUCKS = 90, REACH = 7;  // mm^3/s that a tip takes, within mm
+  const REACH = 7;           // of a sucker's tip, mm
+  const RUNS = 4;            // rounds a picture in which fluids run down
 
   class Sheet {
     constructor({ x0, y0, cell, columns, rows, heights }) {
@@ -16,6 +17,7 @@
       for (const name of ["top", "cover", "blood", "bile", "cavity", "spare", "kept", "left", "all"])
         this[name] = new Float32Array(this.size);
       this.cover.fill(1);
+      this.volumes = { blood: 0, bile: 0 };  // mm^3 of the last frame
       this.bytes = new Uint8Array(4 * this.size);  // cover, blood, cavity, bile
     }
 
@@ -55,19 +57,23 @@
       return { cell, columns, rows };
     }
 
-    // Let fluids well up, run down and lie; return whether any moves.
-    flow(wells, suckers, seconds) {
+    // Let what has been lost since the last frame well up, run down and lie, and what has been taken
+    // up be gone: `volumes` are those in the field, mm^3. Return whether any moves.
+    flow(wells, suckers, volumes) {
       let moves = false;
-      for (const [film, some] of [[this.blood, wells.filter(w => !w.bile)], [this.bile, wells.filter(w => w.bile)]]) {
-        const steps = 4;
-        for (let n = 0; n < steps; n++) {
-          for (const { place, rate } of some) {
+      for (const [kind, now] of Object.entries(volumes)) {
+        const film = this[kind], mine = wells.filter(each => each.kind === kind), more = now - this.volumes[kind];
+        this.volumes[kind] = now;
+        if (more < 0) this.#take(film, suckers, -more, now);
+        const rates = mine.reduce((sum, { rate }) => sum + rate, 0);
+        for (let n = 0; n < RUNS; n++) {
+          if (more > 0) for (const { place, rate } of mine) {
             const k = this.cellAt(place[0], place[1]);
-            if (k >= 0) { film[k] += rate * seconds / steps / this.cell ** 2; moves = true; }
+            if (k >= 0) film[k] += more * (rates > 0 ? rate / rates : 1 / mine.length) / RUNS / this.cell ** 2;
           }
           moves = this.#run(film) || moves;
         }
-        for (const tip of suckers) moves = this.#suck(film, tip, seconds) || moves;
+        moves ||= more !== 0;
       }
       return moves;
     }
@@ -145,19 +151,27 @@
         film[k] -= out;
         moves ||= out > 1e-4;
       }
+      // What reaches the field's edge runs off.
+      for (let k = 0; k < this.size; k++) {
+        const i = k % columns, j = Math.floor(k / columns);
+        if (!i || !j || i === columns - 1 || j === rows - 1) film[k] = 0;
+      }
       return moves;
     }
 
-    #suck(film, tip, seconds) {
-      const near = [];
-      let sum = 0;
-      for (let j = 0; j < this.rows; j++) for (let i = 0; i < this.columns; i++) {
-        const k = j * this.columns + i;
-        if (film[k] > 0 && Math.hypot(this.x0 + i * this.cell - tip[0], this.y0 + j * this.cell - tip[1]) < REACH) { near.push(k); sum += film[k]; }
+    // Take a volume, mm^3, of which some stays: from about the suckers first, then everywhere.
+    #take(film, suckers, volume, stays) {
+      const { x0, y0, cell, columns, size } = this, near = k => suckers.some(tip =>
+        Math.hypot(x0 + (k % columns) * cell - tip[0], y0 + Math.floor(k / columns) * cell - tip[1]) < REACH);
+      let left = volume / cell ** 2;
+      for (const here of [k => near(k), () => true]) {
+        let sum = 0;
+        for (let k = 0; k < size; k++) if (film[k] > 0 && here(k)) sum += film[k];
+        const part = stays > 0 ? Math.min(1, left / sum) : 1;
+        if (sum > 0) for (let k = 0; k < size; k++) if (film[k] > 0 && here(k)) film[k] *= 1 - part;
+        left -= part * sum;
+        if (left <= 0) return;
       }
-      const part = sum > 0 ? Math.min(1, SUCKS * seconds / this.cell ** 2 / sum) : 0;
-      for (const k of near) film[k] *= 1 - part;
-      return part > 0;
     }
 
     #blur(a) {

@@ -81,11 +81,12 @@
       const at = 8 + 8 * i, h = this.head;
       return { tip: [h[at], h[at + 1], h[at + 2]], opening: h[at + 3], roll: h[at + 4], instrument: h[at + 5], holds: h[at + 6] > 0 };
     }
+    get pools() { return { blood: this.head[6], bile: this.head[7] }; }  // mm^3
     get wells() {
       return [0, 1, 2, 3].map(i => {
         const at = 24 + 5 * i, h = this.head;
-        return { place: [h[at], h[at + 1], h[at + 2]], rate: h[at + 3], bile: h[at + 4] === 2 };
-      }).filter(each => each.rate > 0);
+        return { place: [h[at], h[at + 1], h[at + 2]], rate: h[at + 3], kind: [null, "blood", "bile"][h[at + 4]] };
+      }).filter(each => each.kind);
     }
     pairs(at, most) {
       const h = this.head;
