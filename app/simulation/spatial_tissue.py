@@ -434,10 +434,8 @@ class SpatialTissue:
         return "suck", (wanted,)
 
     def pooled_ml(self, fluid: str | None = None) -> float:
-        """Return what has been lost and not been taken up by suction, ml; of one fluid or of all.
-
-        Suction takes up fluids as they are mixed.
-        """
+        """Return what is lost and not taken up by suction, ml; of one fluid or of all."""
+        # Suction takes up fluids as they are mixed.
         lost = {name: 1e-3 * flow.lost for name, flow in self.fluids.items()}
         whole = sum(lost.values())
         mine = whole if fluid is None else lost.get(fluid, 0.0)

@@ -319,6 +319,21 @@ def test_a_flick_of_the_mouse_tears_nothing(lead: ScopeLead) -> None:
     assert hand.node is None
 
 
+def test_led_by_its_handle_the_tip_goes_the_other_way(lead: ScopeLead) -> None:
+    """Across its shaft it goes against the handle, and along it with the handle."""
+    hand = lead.session.spatial.hands[0]
+    lead.by_handle = True
+    for right, up, into in ((6.0, 0.0, 0.0), (0.0, -4.0, 0.0), (0.0, 0.0, 5.0), (3.0, 2.0, 1.0)):
+        start, shaft = hand.place.copy(), TROCARS[0].shaft(hand.place)
+        across = lead.held.camera.axes @ np.array([right, up, 0.0])
+        across -= float(across @ shaft) * shaft
+        lead.nudge(0.5 * right, 0.5 * up, 0.5 * into)
+        lead.nudge(0.5 * right, 0.5 * up, 0.5 * into)
+        pass_time(lead, lead.session, 1.0)
+        # The shaft turns meanwhile by the move over its length behind the trocar.
+        assert hand.place - start == pytest.approx(-across - into * shaft, abs=0.3)
+
+
 def test_instruments_lie_along_their_shafts_and_turn_about_them(lead: ScopeLead) -> None:
     """Each is turned by keys; a right angle's bent tip is turned instead of its shaft."""
     session = lead.session

@@ -19,6 +19,10 @@ from app.trainer.view.page_view import PageView
 POSE = """() => { const p = window.bluntdissectScope?.picture, q = p?.pose;
     return q && [q.tip, q.right, q.up, q.back, [p.high, p.pivotError, p.drawn]]; }"""
 
+# One gamepad, its left stick so far to the right and some buttons down.
+GAMEPAD = """([right, down]) => { navigator.getGamepads = () => [{ connected: true,
+    mapping: "standard", axes: [right, 0, 0, 0],
+    buttons: Array.from({ length: 17 }, (_, i) => ({ pressed: down.includes(i) })) }]; }"""
 POOLS = """() => { const sheet = bluntdissectScope.picture.sheet;
     return [sheet.bloodVolume, sheet.volumes.blood]; }"""
 
@@ -127,3 +131,26 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.page.keyboard.press("z")
         tab.wait_until(lambda: page.camera.shaft @ page.camera.axes[:, 2] > -0.9)
         tab.eventually(page.check_pose)
+
+        def aside() -> float:
+            """How far the left tip is to the right in the picture, mm."""
+            hand = view.session.spatial.hands[0]
+            return float(hand.place @ page.camera.axes[:, 0])
+
+        start = aside()
+        tab.page.evaluate(GAMEPAD, [1.0, []])
+        tab.wait_until(lambda: aside() > start + 2.0)
+        tab.page.evaluate(GAMEPAD, [0.0, [1]])  # which goes on to the right hand
+        tab.wait_until(lambda: view.state.hand == 1)
+        # Led by its handle, a tip goes the other way than the mouse.
+        for key in ("x", "x", "f"):
+            tab.page.keyboard.press(key)
+        lead = view._lead
+        assert lead is not None
+        tab.wait_until(lambda: lead.by_handle and view.state.hand == 0 and not lead.leads_scope)
+        start = aside()
+        tab.page.mouse.move(300, 280)
+        tab.page.mouse.down()
+        tab.page.mouse.move(360, 280)
+        tab.page.mouse.up()
+        tab.wait_until(lambda: aside() < start - 2.0)

@@ -45,7 +45,7 @@ class ScopeLead:
 
     def __init__(self, state: PageState, held: HeldScope) -> None:
         self._state, self.held = state, held
-        self.leads_scope = False
+        self.leads_scope = self.by_handle = False
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
         self._sucks = [False] * len(state.hands)
@@ -97,6 +97,19 @@ class ScopeLead:
             offset = wall_offset(self.session.spatial, self.hand)
             self._goals[self.hand] = TROCARS[self.hand].within(place - offset)
 
+    def push_handle(self, right: float, up: float, into: float) -> None:
+        """Move the active hand's handle, mm at the tip: across its shaft, and along it.
+
+        Of what is right and up in the picture that counts which is across the shaft, and there the
+        tip goes the other way.
+        """
+        if self._may_act():
+            goal, trocar = self._goals[self.hand], TROCARS[self.hand]
+            start = self._state.hands[self.hand].target if goal is None else goal
+            move, shaft = self.held.camera.axes @ np.array([right, up, 0.0]), trocar.shaft(start)
+            move -= (float((move * shaft).sum()) + into) * shaft
+            self._goals[self.hand] = trocar.led_by_handle(start, move)
+
     def stop(self) -> None:
         """Leave a hand that holds a tube where it is, as its pointer lets go."""
         if self._state.hands[self.hand].node is not None:
@@ -124,6 +137,9 @@ class ScopeLead:
         """Move the active hand's tip in the picture, mm, or turn the scope by as many steps."""
         if self.leads_scope:
             self.move_scope(pan=0.04 * right, tilt=0.04 * up, depth=2.0 * away)
+            return
+        if self.by_handle:
+            self.push_handle(right, up, away)
             return
         step = self.held.camera.axes @ np.array([right, up, -away])
         goal = self._goals[self.hand]

@@ -45,6 +45,11 @@ LEADS: dict[Leads, tuple[str, str]] = {
     "right": ("Right hand", "Mouse and keys lead the right hand (X)"),
     "scope": ("Scope", "Mouse and keys turn and slide the scope (X)"),
 }
+LedBy = Literal["tip", "handle"]
+LED_BY: dict[LedBy, tuple[str, str]] = {
+    "tip": ("Tip", "The tip goes where the pointer goes (F)"),
+    "handle": ("Handle", "Your hand is at the handle: the tip goes the other way (F)"),
+}
 ScopeChoice = Literal["straight", "oblique"]
 SCOPES: dict[ScopeChoice, tuple[str, str]] = {
     "straight": ("0°", "A scope that looks straight ahead (Z)"),
@@ -87,6 +92,7 @@ KEYS = (
     Key("O", "O", "Open the jaws", "by a millimetre"),
     Key("C", "C", "Close the jaws", "by a millimetre"),
     Key("X", "X", "Next hand or scope", "what mouse and keys lead"),
+    Key("F", "F", "Tip or handle", "which end of an instrument is led"),
     Key("N", "N", "Next instrument", "for the hand that is led"),
     Key("Z", "Z", "Other scope", "straight or oblique"),
     Key("J", "J", "Turn left", "the jaws about their shaft, or the scope's cable"),
@@ -100,7 +106,12 @@ ALWAYS = ("Z", "V")
 TEXT = """\
 **The mouse.** Press in the picture and the tip goes under the pointer; drag to lead it. The
 **wheel** moves it into the picture and out. The **right button**, or **G**, uses the instrument.
-With a **finger** drag; two fingers spread or pinch for depth.
+With a **finger** drag; two fingers spread or pinch for depth. Led **by its handle**, as in the
+theatre, an instrument turns about its trocar: the tip goes the other way.
+
+**A gamepad.** The left stick moves the tip in the picture, the right one takes it in and out and
+turns the jaws. **A** uses the instrument, **B** goes on to the next hand or the scope, **X** to the
+next instrument; the shoulder buttons close and open the jaws.
 
 {INSTRUMENTS}
 
@@ -158,6 +169,7 @@ class ScopePanel:
     def _add_hands(self) -> None:
         gui, lead = self._gui, self._lead
         self._leads = Choice(gui, "Led", LEADS, self._choose_led)
+        self._led_by = Choice(gui, "By its", LED_BY, self._choose_led_by)
         self._hands = [self._add_hand(hand, name) for hand, name in enumerate(HANDS)]
         self._how = gui.add_html("")
         self._use = gui.add_button("Use", hint="Also the right button in the picture, or G")
@@ -175,6 +187,7 @@ class ScopePanel:
         state, lead = self._state, self._lead
         leads: Leads = "scope" if lead.leads_scope else ("left", "right")[state.hand]
         self._leads.show(leads)
+        self._led_by.show("handle" if lead.by_handle else "tip")
         for choice, hand in zip(self._hands, state.shown.tissue.hands, strict=True):
             set_if_changed(choice, value=hand.instrument)
         holder = state.shown.tissue.hands[state.hand]
@@ -233,6 +246,10 @@ class ScopePanel:
         return f"Torn: {', '.join(torn)}" if torn else "Nothing is torn"
 
     # Choices
+
+    def _choose_led_by(self, end: LedBy) -> None:
+        self._lead.by_handle = end == "handle"
+        self._state.show()
 
     def _choose_led(self, leads: Leads) -> None:
         self._lead.choose(None if leads == "scope" else ("left", "right").index(leads))
@@ -298,6 +315,7 @@ class ScopePanel:
             "O": lambda: lead.open_more(1.0),
             "C": lambda: lead.open_more(-1.0),
             "X": lead.choose_next,
+            "F": lambda: self._choose_led_by("tip" if lead.by_handle else "handle"),
             "N": lead.choose_next_instrument,
             "Z": lead.change_scope,
             "J": lambda: lead.turn(-TURN),

@@ -1,6 +1,7 @@
 """The scene of an anatomy: its picture through a scope, and what mouse and fingers do there."""
 
 import math
+from collections.abc import Callable, Mapping
 from typing import Protocol, get_args
 
 import numpy as np
@@ -35,9 +36,35 @@ class Led(Protocol):
 
     leads_scope: bool
     """Whether the pointer leads the scope."""
+    by_handle: bool
+    """Whether hands are led by their handles, and not by their tips."""
 
     def lead_hand(self, place: Floats) -> None:
         """Lead the active hand's tip to a place, (3,) mm."""
+        ...
+
+    def push_handle(self, right: float, up: float, into: float) -> None:
+        """Move the active hand's handle, mm at the tip: across its shaft, and along it."""
+        ...
+
+    def nudge(self, right: float, up: float, away: float) -> None:
+        """Move the active hand in the picture, mm, or turn the scope by as many steps."""
+        ...
+
+    def turn(self, angle: float) -> None:
+        """Turn the active hand's jaws or the scope's cable, rad."""
+        ...
+
+    def open_more(self, more: float) -> None:
+        """Part the active hand's jaws by some mm more, or less."""
+        ...
+
+    def choose_next(self) -> None:
+        """Lead the next of both hands and the scope."""
+        ...
+
+    def choose_next_instrument(self) -> None:
+        """Give the active hand the next instrument."""
         ...
 
     def stop(self) -> None:
@@ -76,7 +103,7 @@ class ScopeScene:
         client.scene.configure_default_lights(False)
         self._picture: ScopePicture | None = None
         self._drawn_with = -1.0  # the angle of the scope that the page has
-        self._leads: int | None = None
+        self._leads: tuple[int, bool] | None = None  # as the page has it
         self._frame = client.scene.add_frame("/scope", show_axes=False)
         self._told: viser.GuiTextHandle | None = None
         self.draw(session.reading())
@@ -121,11 +148,11 @@ class ScopeScene:
             torn,
             (1e3 * spatial.pooled_ml("blood"), 1e3 * spatial.pooled_ml("bile")),
         )
-        leads = -1 if self._led.leads_scope else self._led.hand
+        leads = -1 if self._led.leads_scope else self._led.hand, self._led.by_handle
         if self._told is not None and leads != self._leads:
             self._leads = leads
             number = page_number(self._told)
-            run_function(self._client.scene, "bluntdissectScope.lead", number, leads)
+            run_function(self._client.scene, "bluntdissectScope.lead", number, *leads)
 
     @property
     def towards_viewer(self) -> NDArray[np.float64]:
@@ -158,16 +185,18 @@ class ScopeScene:
         self._frame.remove()
 
     def take(self, told: str) -> None:
-        """Take what the page tells of the pointer; what is malformed is ignored."""
-        kind, numbers = _read(told)
-        if kind == "move" and len(numbers) == 3:
-            self._led.lead_hand(np.array(numbers))
-        elif kind == "stop" and not numbers:
-            self._led.stop()
-        elif kind == "act" and not numbers:
-            self._led.use_instrument()
-        elif kind == "scope" and len(numbers) == 4:
-            self._led.move_scope(*numbers)
+        """Take what the page tells of pointer and gamepad; what is malformed is ignored."""
+        led, (kind, numbers) = self._led, _read(told)
+        acts: Mapping[str, tuple[int, Callable[..., object]]] = {
+            "move": (3, lambda *place: led.lead_hand(np.array(place))),
+            "nudge": (3, led.nudge), "push": (3, led.push_handle), "stop": (0, led.stop),
+            "turn": (1, led.turn), "open": (1, led.open_more), "act": (0, led.use_instrument),
+            "hand": (0, led.choose_next), "instrument": (0, led.choose_next_instrument),
+            "scope": (4, led.move_scope),
+        }  # fmt: skip
+        count, act = acts.get(kind, (-1, None))
+        if act is not None and len(numbers) == count:
+            act(*numbers)
 
     def _set_picture(self) -> ScopePicture:
         """Return the picture, made anew for another scope or look."""

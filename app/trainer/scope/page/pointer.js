@@ -1,5 +1,6 @@
-// Mouse, fingers and wheel at the scope's picture: the tip goes under the pointer, at its depth. What
-// is led goes to a widget of the server's as short texts; `viewer` is `run_picture`'s.
+// Mouse, fingers and wheel at the scope's picture: the tip goes under the pointer, at its depth, or
+// the handle goes as far as the pointer. What is led goes to a widget of the server's as short texts;
+// `viewer` is `run_picture`'s.
 (() => {
   const scope = window.bluntdissectScope;
   if (scope.lead) return;
@@ -9,13 +10,14 @@
   const LOOK = 0.0022;       // rad of pan and tilt, a dot
   let lead = null;           // the widget's number, and what the pointer leads: a hand, or the scope
   let number = 0, waiting = null, sentAt = 0;
-  const say = words => viewer.send(lead.uuid, `${++number} ${words}`);
+  let pushed = [0, 0, 0];    // of the handle, mm at the tip: right, up and in, not yet sent
+  const say = scope.say = words => { if (lead && scope.picture?.pose) viewer.send(lead.uuid, `${++number} ${words}`); };
   const saySoon = words => {
-    if (!waiting) setTimeout(() => { const last = waiting; waiting = null; sentAt = performance.now(); if (lead && last) say(last); },
+    if (!waiting) setTimeout(() => { const last = waiting; waiting = null; sentAt = performance.now(); if (last) say(last()); },
       Math.max(0, sentAt + LEAST_MS - performance.now()));
     waiting = words;
   };
-  const fixed = values => values.map(x => x.toFixed(3)).join(" ");
+  const fixed = scope.fixed = values => values.map(x => x.toFixed(3)).join(" ");
 
   // Direction of a pixel, 1 mm into the picture.
   const wayOf = ({ clientX, clientY }) => {
@@ -24,7 +26,12 @@
     return add(add(pose.back.map(v => -v), pose.right, x * high * box.width / box.height), pose.up, y * high);
   };
   const depthOf = place => -dot(sub(place, scope.picture.pose.tip), scope.picture.pose.back);
-  const leadTo = target => { lead.target = target; saySoon(`move ${fixed(target)}`); };
+  const leadTo = target => { lead.target = target; saySoon(() => `move ${fixed(target)}`); };
+  // Pushes of the handle add up until they are sent.
+  const push = move => {
+    pushed = add(pushed, move);
+    saySoon(() => { const all = pushed; pushed = [0, 0, 0]; return `push ${fixed(all)}`; });
+  };
 
   const down = new Map();    // pointers that are pressed, and where they are
   let apart = 0;
@@ -39,7 +46,8 @@
     if (down.size > 2 || lead.hand < 0 || event.button === 1) return;
     const { tip, holds } = scope.picture.state.hand(lead.hand);
     lead.depth = depthOf(tip);
-    const under = add(scope.picture.pose.tip, wayOf(event), lead.depth);
+    const under = lead.under = add(scope.picture.pose.tip, wayOf(event), lead.depth);
+    if (lead.byHandle) return;
     // What is held is led from where it is, and not pulled to the pointer.
     lead.aside = holds ? sub(tip, under) : [0, 0, 0];
     leadTo(add(under, lead.aside));
@@ -55,7 +63,12 @@
       deeper(PINCH * (now - apart));
       apart = now;
     } else if (lead.hand < 0 || event.buttons === 4) say(`scope ${fixed([-LOOK * across, -LOOK * up, 0, 0])}`);
-    else if (lead.aside) leadTo(add(add(scope.picture.pose.tip, wayOf(event), lead.depth), lead.aside));
+    else if (lead.byHandle && lead.under) {
+      const from = lead.under;
+      lead.under = add(scope.picture.pose.tip, wayOf(event), lead.depth);
+      const by = sub(lead.under, from), { right, up: top } = scope.picture.pose;
+      push([dot(by, right), dot(by, top), 0]);
+    } else if (lead.aside) leadTo(add(add(scope.picture.pose.tip, wayOf(event), lead.depth), lead.aside));
   };
   const lift = event => {
     if (!down.delete(event.pointerId) || down.size) return;
@@ -67,6 +80,7 @@
     const { picture } = scope;
     if (!picture?.pose || !mm) return;
     if (lead.hand < 0) { say(`scope ${fixed([0, 0, mm, 0])}`); return; }
+    if (lead.byHandle) { push([0, 0, mm]); return; }
     const from = down.size && lead.target ? lead.target : picture.state.hand(lead.hand).tip;
     const start = waiting || down.size ? lead.target ?? from : from, way = sub(start, picture.pose.tip), now = depthOf(start);
     lead.depth = Math.max(8, now + mm);
@@ -82,10 +96,11 @@
   const nothing = event => { if (event.target === viewer.canvas()) event.preventDefault(); };
   const LISTENED = [["pointerdown", press], ["pointermove", move], ["pointerup", lift], ["pointercancel", lift], ["wheel", turn], ["contextmenu", nothing]];
 
-  // Lead a hand, or below zero the scope, by the pointer from now on, through a widget.
-  scope.lead = (uuid, hand) => {
+  // Lead a hand by its tip or its handle, or below zero the scope, by the pointer from now on,
+  // through a widget.
+  scope.lead = (uuid, hand, byHandle) => {
     if (!lead) for (const [kind, take] of LISTENED) window.addEventListener(kind, take, { capture: true, passive: false });
-    lead = { uuid, hand, aside: null };
+    lead = { uuid, hand, byHandle, aside: null, under: null };
   };
   scope.leave = () => {
     lead = null;

@@ -1,0 +1,26 @@
+// A gamepad with the standard layout at the scope's picture: the left stick moves the tip, or the
+// scope, in the picture, the right one into it and turns it; buttons do what keys do. It speaks to
+// the server as the pointer does.
+(() => {
+  const scope = window.bluntdissectScope;
+  if (scope.gamepad) return;
+  const EVERY_MS = 33, MM_S = 30, RAD_S = 1.2, OPENS_MM_S = 12;  // at full deflection
+  const IDLE = 0.15;         // of a stick's range, within which it rests
+  const PRESSED = { 0: "act", 1: "hand", 2: "instrument" };
+  let held = [];
+  const beyond = x => Math.sign(x) * Math.max(0, Math.abs(x) - IDLE) / (1 - IDLE);
+
+  scope.gamepad = () => {
+    const pad = [...navigator.getGamepads()].find(each => each?.connected && each.mapping === "standard");
+    if (!pad || document.hidden) return;
+    const [right, down, turn, nearer] = pad.axes.map(beyond), step = MM_S * EVERY_MS / 1000;
+    if (right || down || nearer) scope.say(`nudge ${scope.fixed([step * right, -step * down, -step * nearer])}`);
+    if (turn) scope.say(`turn ${scope.fixed([RAD_S * EVERY_MS / 1000 * turn])}`);
+    const now = pad.buttons.map(each => each.pressed);
+    for (const [button, word] of Object.entries(PRESSED)) if (now[button] && !held[button]) scope.say(word);
+    const opens = (now[5] ? 1 : 0) - (now[4] ? 1 : 0);
+    if (opens) scope.say(`open ${scope.fixed([opens * OPENS_MM_S * EVERY_MS / 1000])}`);
+    held = now;
+  };
+  setInterval(scope.gamepad, EVERY_MS);
+})();
