@@ -1,6 +1,7 @@
 """`bluntdissect/Dissection-v0`: a dissection as an environment of Gymnasium, alone or N at once."""
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -42,6 +43,16 @@ def _bed_seed(task: Task, options: dict[str, Any] | None, draw: np.random.Genera
     if not 0 <= int(asked) < 2**63:
         raise ValueError(f"bed_seed must be from 0 to below 2^63, got {asked}")
     return int(asked)
+
+
+def _stacked(infos: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what is known of N environments, as `VectorEnv` has it: arrays, and who has them."""
+    found: dict[str, Any] = {}
+    for key, first in infos[0].items():
+        rows = [each[key] for each in infos]
+        found[key] = _stacked(rows) if isinstance(first, dict) else np.array(rows)
+        found[f"_{key}"] = np.ones(len(rows), np.bool_)
+    return found
 
 
 class DissectionEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
@@ -133,7 +144,8 @@ class DissectionVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         self.single_action_space = self.task.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._pool = ThreadPoolExecutor(min(num_envs, threads or os.cpu_count() or 1))
+        self._threads = min(num_envs, threads or os.cpu_count() or 1)
+        self._pool = ThreadPoolExecutor(self._threads)
         self._draws = [np_random()[0] for _ in range(num_envs)]
         self._started = False
 
@@ -163,7 +175,7 @@ class DissectionVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
             self.episodes[i].reset(beds[i])
             self.episodes[i].observe({key: rows[i] for key, rows in out.items()})
 
-        list(self._pool.map(start, range(count)))
+        self._all(start)
         self._started = True
         return out, self._infos()
 
@@ -186,18 +198,25 @@ class DissectionVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
                 rewards[i] = episode.act(rows[i])
             episode.observe({key: rows_of[i] for key, rows_of in out.items()})
 
-        list(self._pool.map(work, range(count)))
+        self._all(work)
         over = [
             np.array([getattr(e, name) for e in self.episodes])
             for name in ("terminated", "truncated")
         ]
         return out, rewards, over[0], over[1], self._infos()
 
+    def _all(self, work: Callable[[int], None]) -> None:
+        """Work on all episodes, by turns of each thread."""
+        turns = iter(range(self.num_envs))
+
+        def go_on(_: int) -> None:
+            for i in turns:  # a thread takes the next one when it has done one
+                work(i)
+
+        list(self._pool.map(go_on, range(self._threads)))
+
     def _infos(self) -> dict[str, Any]:
-        infos: dict[str, Any] = {}
-        for i, episode in enumerate(self.episodes):
-            infos = self._add_info(infos, episode.info(), i)
-        return infos
+        return _stacked([episode.info() for episode in self.episodes])
 
     def _check_open(self) -> None:
         if self.closed:

@@ -38,7 +38,7 @@ class Episode:
         self.task = task
         self._view: Safety | None = None
         if session is None:
-            self.session = Session(task.duct, vertices=VERTICES)
+            self.session = Session(task.duct, vertices=VERTICES, watched=False)
             self.reset(int(task.seeds[0]))
         else:
             self.session, self.bed_seed = session, session.specimen.bed_seed
@@ -193,7 +193,7 @@ class Episode:
             "progress": run.progress,
             "parted": self._share_parted(),
             "time": run.seconds,
-            "errors": len(run.incidents()),
+            "errors": run.errors,
             "stress": self._tissue.peak_stress_ratio,
             "passed": self._passed,
             "failed": self.terminated and not self._passed,
@@ -265,10 +265,10 @@ class Episode:
             self._write_anatomy(out)
             out["view"][-2:] = progress, left
         for key in task.observed:
-            low, high = self.bounds[key]
+            (low, high), row = self.bounds[key], out[key]
             if self.lost:
-                np.nan_to_num(out[key], copy=False)
-            np.clip(out[key], low, high, out=out[key])
+                np.nan_to_num(row, copy=False)
+            np.minimum(np.maximum(row, low, out=row), high, out=row)
 
     def _write_anatomy(self, out: Observation) -> None:
         tissue, view = self._tissue, self._seen

@@ -73,6 +73,8 @@ class Attempt:
         self._exercise, self._taker = exercise, taker
         self._followed = exercise.goal.follow()
         self._ticks = 0
+        # Each limit: whether it is of a number of errors.
+        self._limits = [(limit, limit.of in ERROR_CLASSES) for limit in exercise.limits]
         self.outcome: Outcome | None = None
 
     @property
@@ -106,11 +108,12 @@ class Attempt:
     def _failure(self, measures: msgspec.Struct, *, reached: bool) -> str | None:
         """Return why this tick fails it, or None."""
         errors = self._taker.errors
-        for limit in self._exercise.limits:
+        for limit, of_errors in self._limits:
             if limit.at_end and not reached:
                 continue
-            if limit.of in ERROR_CLASSES:
-                if limit.passed_by(errors.number.get(limit.of, 0)):
+            if of_errors:
+                number = errors.number.get(limit.of, 0)
+                if number and limit.passed_by(number):
                     last = errors.last_of(limit.of)
                     return self._reason(last.happened if limit.of == "tear" else "", last.sentence)
                 continue

@@ -5,6 +5,8 @@ organ's axis by a trifle at most, and stations are taken over in proportion. Whe
 not the organ's, strands are drawn from the organ's surface, each with its own length and direction.
 """
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,7 @@ from physics.bed import BeamOnBed, SpaceBeam, Strands
 __all__ = ["BeddedSurface"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 ELEMENTS = 40
 """Of a span: a place is freed when the strands within one of so many to either side have parted."""
@@ -82,12 +85,19 @@ class BeddedSurface:
     def freed_at(self, damage: Floats, stations: Floats) -> Floats:
         """Return the share of strands that have parted about each station, mm, 0 to 1."""
         reach = self._rest.span / ELEMENTS
+        order, placed = self._along
+        low, high = (self.scale * stations + side * reach for side in (-1.0, 1.0))
+        out = np.empty(stations.size)
+        _parted_between(
+            damage, order, np.searchsorted(placed, low), np.searchsorted(placed, high), out
+        )
+        return out
+
+    @cached_property
+    def _along(self) -> tuple[Ints, Floats]:
+        """(S,) numbers of the strands along the duct, and where they hold it, mm."""
         order = np.argsort(self.strands.stations, kind="stable")
-        placed = self.strands.stations[order]
-        parted = np.concatenate([[0.0], np.cumsum(damage[order] >= 1.0)])
-        low = np.searchsorted(placed, self.scale * stations - reach)
-        high = np.searchsorted(placed, self.scale * stations + reach)
-        return (parted[high] - parted[low]) / np.maximum(high - low, 1)
+        return order, self.strands.stations[order]
 
     def strand_angles(self) -> Floats:
         """Return (S,) where round the beam strands hold it, rad from straight down, to the side."""
@@ -111,6 +121,19 @@ class BeddedSurface:
         x, y = (np.einsum("si,si->s", out, sections[:, :, axis]) for axis in range(2))
         ends = organ.surface(stations, np.arctan2(y, x))
         return stations, ends, ends + np.einsum("sj,ij->si", strands.feet - strands.ends, frame)
+
+
+@njit(cache=True)
+def _parted_between(damage: Floats, order: Ints, first: Ints, after: Ints, out: Floats) -> None:
+    """Write the share that has parted of the strands from each `first` on to before `after`.
+
+    `order` has the numbers of the strands in the order in which these count.
+    """
+    parted = np.zeros(order.size + 1)
+    for s in range(order.size):
+        parted[s + 1] = parted[s] + (damage[order[s]] >= 1.0)
+    for k in range(out.size):
+        out[k] = (parted[after[k]] - parted[first[k]]) / max(after[k] - first[k], 1)
 
 
 @njit(cache=True, nogil=True)

@@ -16,6 +16,7 @@ from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import HANDS
 from app.simulation.safety import CriticalView, Safety
 from app.simulation.sight import WORKING_DISTANCE
+from physics.bed.kernels import BEAM, DISSIPATED, ROD_WORK, WORK
 
 if TYPE_CHECKING:
     from app.simulation.spatial_tissue import SpatialTissue
@@ -111,7 +112,7 @@ class DissectionMeasureTaker:
         self._started = True
         self._damage = duct.beam.damage.copy()
         self._before = self._broken = duct.broken
-        self._energy = duct.beam.energy
+        self._note_energies()
         self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         self._torn = duct.torn
         self._measure_freed()
@@ -121,6 +122,13 @@ class DissectionMeasureTaker:
             if exercise is None
             else ErrorFinder(duct, exercise.limit_of, exercise.about)
         )
+
+    def _note_energies(self) -> list[float]:
+        """Keep the energies now, mJ; return all sums of the beam's state."""
+        sums: list[float] = self.duct.beam.state.sums.tolist()
+        self._beam_work, self._rod_work = sums[WORK], sums[ROD_WORK]
+        self._dissipated = sums[DISSIPATED]
+        return sums
 
     def _measure_freed(self) -> None:
         self.freed = self.duct.freed
@@ -140,39 +148,37 @@ class DissectionMeasureTaker:
             self.soonest = min(self.soonest, max(1.0 - ratio, 0.0) / growth)
         self._shares = (ratio, *self._shares[:-1])
         self._torn = duct.torn
-        self._take_forces(duct.forces)
+        forces: list[list[float]] = duct.forces.tolist()
+        self._take_forces(forces)
         out_of_sight = self.out_of_sight
         if moved:
-            self._take_work(duct.forces.tolist())
-            self._duct_energy = max(self._duct_energy, duct.beam.stored_in_beam)
+            self._take_work(forces)
             if duct.broken > self._broken:
                 self._broken = duct.broken
                 self._take_broken()
                 self._measure_freed()
         self._finder.take(self.stretches, self.out_of_sight - out_of_sight)
 
-    def _take_forces(self, forces: Floats) -> None:
-        beam = self.duct.beam
+    def _take_forces(self, forces: list[list[float]]) -> None:
+        pulls: list[list[float]] = self.duct.beam.state.pull.tolist()
         for hand, holder in enumerate(self.duct.hands):
-            force = forces[hand]
-            size = math.sqrt((force**2).sum())
+            size = _size(forces[hand])
             self._most[hand] = max(self._most[hand], size)
             self._product[hand] += size * TICK_SECONDS
             for rod in self.duct.rods_of(hand):
-                push = beam.rod_force(rod)
-                self.instrument_force = max(self.instrument_force, math.sqrt((push**2).sum()))
+                self.instrument_force = max(self.instrument_force, _size(pulls[rod]))
             if holder.node is not None and size > LEAST_FORCE:
                 self._pulled += size
-                self._turned += size * math.acos(min(max(float(force[2]) / size, -1.0), 1.0))
+                self._turned += size * math.acos(min(max(forces[hand][2] / size, -1.0), 1.0))
 
     def _take_work(self, forces: list[list[float]]) -> None:
         """Divide the tick's work, as the beam counts it, between the hands."""
         # Work on the duct goes to the hands that hold it, work on rods to those that sweep; where
         # both do the same, in proportion to force times way of each.
-        duct, now = self.duct, self.duct.beam.energy
-        swept = now.rod_work - self._energy.rod_work
-        held = now.work - self._energy.work - swept
-        self._energy = now
+        duct, work, rod_work = self.duct, self._beam_work, self._rod_work
+        self._duct_energy = max(self._duct_energy, self._note_energies()[BEAM])
+        swept = self._rod_work - rod_work
+        held = self._beam_work - work - swept
         places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
         shares = [
             abs(f[0] * (a[0] - b[0]) + f[1] * (a[1] - b[1]) + f[2] * (a[2] - b[2]))
@@ -183,9 +189,8 @@ class DissectionMeasureTaker:
         holding = [i for i in range(HANDS) if duct.hands[i].node is not None]
         sweeping = [i for i in range(HANDS) if duct.rods_of(i)]
         self._holding, self._sweeping = holding or self._holding, sweeping or self._sweeping
-        pressing = [
-            i for i in sweeping if any(duct.beam.rod_contact(rod).any() for rod in duct.rods_of(i))
-        ]
+        presses: list[list[float]] = duct.beam.state.press.tolist()
+        pressing = [i for i in sweeping if any(any(presses[rod]) for rod in duct.rods_of(i))]
         self._acting = holding + pressing or self._acting
         for work, hands in ((held, self._holding), (swept, self._sweeping)):
             total = sum(shares[i] for i in hands)
@@ -294,9 +299,9 @@ class DissectionMeasureTaker:
             time_above_half_s=self._above_half * TICK_SECONDS,
             shortest_time_to_break_s=None if self.soonest == math.inf else self.soonest,
             work_mJ=(self._work[0], self._work[1]),
-            strand_energy_mJ=self._energy.dissipated,
+            strand_energy_mJ=self._dissipated,
             duct_energy_mJ=self._duct_energy,
-            economy_of_work=self._energy.dissipated / work if work > 0.0 else None,
+            economy_of_work=self._dissipated / work if work > 0.0 else None,
             maximum_force_N=(self._most[0], self._most[1]),
             force_time_product_N_s=(self._product[0], self._product[1]),
             maximum_instrument_force_N=self.instrument_force,
@@ -313,3 +318,8 @@ class DissectionMeasureTaker:
                 threshold_MPa=torn.threshold,
             ),
         )
+
+
+def _size(force: list[float]) -> float:
+    x, y, z = force
+    return math.sqrt(x * x + y * y + z * z)

@@ -469,7 +469,7 @@ def _safety_of(tissue: "SpatialTissue") -> Safety | None:
         return None
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _count(damage: Floats, before: Floats, side: Ints, rods: Ints, out: Ints) -> None:
     """Count the strands that parted, that are being parted and that touch, and keep the damage.
 
@@ -492,7 +492,7 @@ def _count(damage: Floats, before: Floats, side: Ints, rods: Ints, out: Ints) ->
                     break
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _hidden(places: Floats, tip: Floats, towards: Floats, radius: float) -> bool:
     """Return whether the line from a tip towards the viewer passes within a radius of an axis."""
     for n in range(places.shape[0]):

@@ -24,7 +24,7 @@ _DECAY = math.exp(-HAND_RATE * TICK_SECONDS)
 _MOST = HAND_SPEED * TICK_SECONDS
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def follow(
     place: NDArray[np.float64], speed: NDArray[np.float64], target: NDArray[np.float64]
 ) -> None:

@@ -1,7 +1,7 @@
 """Inputs: all that drives a session, from a page, a device, a script or a file."""
 
 from array import array
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import msgspec
 
@@ -45,6 +45,7 @@ InputKind = Literal[
     "theory", "aim", "spread", "clip", "divide", "suck", "view",
 ]  # fmt: skip
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
+NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
 REPLACED: frozenset[InputKind] = frozenset(
     {"move", "open", "lift", "threshold", "aim", "spread", "suck", "view"}
 )
@@ -53,6 +54,7 @@ WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide"})
 VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread", "view"})
 """Kinds whose value is nothing, and three numbers."""
 NUMBERS = 3  # at most, of one input
+REST = array("d", [0.0] * NUMBERS)
 
 
 class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -117,10 +119,12 @@ class InputLog:
 
     def note(self, tick: int, hand: int, kind: InputKind, *values: float | Theory) -> None:
         """Append an input; it may replace one of its hand and kind just before, in its tick."""
-        numbers = [each if isinstance(each, int | float) else self._number(each) for each in values]
-        row = array("d", [*numbers, *[0.0] * (NUMBERS - len(numbers))])
-        key = len(KINDS) * hand + KINDS.index(kind)
-        if kind in REPLACED and self._ticks and (self._ticks[-1], self._keys[-1]) == (tick, key):
+        if kind == "theory":
+            values = tuple(self._number(each) for each in cast(tuple[Theory, ...], values))
+        row = array("d", cast(tuple[float, ...], values))
+        row.extend(REST[len(values) :])
+        key = len(KINDS) * hand + NUMBER_OF[kind]
+        if self._ticks and self._ticks[-1] == tick and self._keys[-1] == key and kind in REPLACED:
             self._values[-NUMBERS:] = row
             return
         self._ticks.append(tick)

@@ -113,12 +113,12 @@ class Run:
 
     def note(self, hand: int, kind: InputKind, *values: float | Theory) -> None:
         """Log an input; ignored before the start and once the run is over."""
-        if not self.going:
+        if self._start is None or self._over:
             return
-        if self.inputs >= MOST_INPUTS:
+        if len(self._log) >= MOST_INPUTS:
             self.finish()
             return
-        self._log.note(self.ticks, hand, kind, *values)
+        self._log.note(self._taker.ticks, hand, kind, *values)
 
     def end_tick(self, *, over: bool) -> None:
         """Judge a tick whose measures are taken; the exercise's end or time end the run too."""
@@ -134,6 +134,11 @@ class Run:
     def incidents(self) -> list[Incident]:
         """Return the errors that were made so far, in order; none before the start."""
         return self._taker.errors.all() if self.started else []
+
+    @property
+    def errors(self) -> int:
+        """How many there are."""
+        return sum(self._taker.errors.number.values()) if self.started else 0
 
     def file(self, organ: OrganIdentity, seed: int) -> RunFile:
         """Return the run so far; a `ValueError` before the start."""

@@ -93,7 +93,8 @@ class Session:
     function of the inputs and of the ticks at which they come.
 
     The skin has about `vertices` vertices, and `seed` chooses the raggedness of the torn rim;
-    `broken_by_touch` is that of a run's start. `tissue`, `drawn` and `run` are public for reading;
+    `broken_by_touch` is that of a run's start. The surfaces of a session that is not `watched` stay
+    as they were at first. `tissue`, `drawn` and `run` are public for reading;
     `tissue` is another object after a choice of organ, preset, bed or exercise's bed, `run` after a
     reset. A run starts with the first input and is over with the tear or the exercise.
     """
@@ -105,10 +106,11 @@ class Session:
         vertices: int = VERTICES,
         seed: int = 1,
         broken_by_touch: bool = True,
+        watched: bool = True,
     ) -> None:
         if specimen.organ is None:
             raise ValueError("a session needs an organ, whose surface it draws")
-        self.seed, self._broken_by_touch = seed, broken_by_touch
+        self.seed, self._broken_by_touch, self._watched = seed, broken_by_touch, watched
         self.lock = RLock()  # to be held while what belongs together is read piece by piece
         self._organ, self._vertices = specimen.organ, vertices
         self.drawn = DrawnDuct(specimen.organ, vertices, seed)
@@ -156,8 +158,8 @@ class Session:
 
     def move_hand(self, hand: int, place: Sequence[float] | NDArray[np.float64]) -> None:
         """Lead a hand's tip to a place, (3,) mm; in a plane its height above the clamps counts."""
-        x, y, z = map(float, place)
-        self._act(hand, "move", x, y, z)
+        x, y, z = place
+        self._act(hand, "move", float(x), float(y), float(z))
 
     def lift(self, deflection: float, hand: int = 0) -> None:
         """Lead the hand that holds a duct in a plane to a deflection of the grasp, mm.
@@ -254,6 +256,8 @@ class Session:
             return changed or tissue.moving
 
     def _draw(self) -> None:
+        if not self._watched:
+            return
         torn = self.tissue.tear_of(0)
         if torn is not None and not self.drawn.in_pieces:
             self.drawn.show_pieces(torn)

@@ -158,7 +158,8 @@ class SpatialTissue:
         places = [each.places for each in self.tubes.network.tubes.values()]
         ends = np.array([[0.0, 0.0, 0.0], [self.dissection.beam.span, 0.0, 0.0]])
         places = np.concatenate([ends, *places])
-        self._reach = places.min(axis=0) - REACH, places.max(axis=0) + REACH
+        low, high = places.min(axis=0) - REACH, places.max(axis=0) + REACH
+        self._reach: list[tuple[float, float]] = list(zip(low.tolist(), high.tolist(), strict=True))
         self.prepare(None)
 
     @property
@@ -310,14 +311,15 @@ class SpatialTissue:
                 self.grab(hand, at, tube)
             return ("grab", (tube, at)) if held or place is not None else None
         if kind == "move":
-            low, high = self._reach
-            place = np.minimum(np.maximum(values, low), high)
-            if place.tolist() == self.hands[hand].target.tolist():
+            place = _vector(
+                [min(max(each, a), b) for each, (a, b) in zip(values, self._reach, strict=True)]
+            )
+            if place == tuple(self.hands[hand].target.tolist()):
                 return None
             if self.rods_of(hand):  # it may part strands before a hand takes hold
                 begin()
             self.move_hand(hand, place)
-            return "move", _vector(place.tolist())
+            return "move", place
         if kind == "release":
             return ("release", ()) if self.release(hand) else None
         if kind == "open":
@@ -493,7 +495,7 @@ class SpatialTissue:
         self._forget_reading()
         return True
 
-    def move_hand(self, hand: int, place: Floats) -> None:
+    def move_hand(self, hand: int, place: Floats | Vector) -> None:
         """Set where a hand's tip goes, (3,) mm."""
         self.hands[hand].target[:] = place
 
@@ -535,6 +537,15 @@ class SpatialTissue:
         # Closed jaws lie side by side, so that no strand is between them.
         apart = (0.5 * holder.opening + 1.05 * RADIUS[holder.instrument]) * np.array(holder.spread)
         return [(rods[0], holder.place - apart), (rods[1], holder.place + apart)]
+
+    def _lead_rods(self, number: int, hand: Hand) -> None:
+        """Lead the rods of a hand's instrument to where its tip is."""
+        rods, to = self.rods_of(number), self.beam.state.rods_to
+        if len(rods) == 2:
+            apart = 0.5 * hand.opening + 1.05 * RADIUS[hand.instrument]
+            _lead_jaws(hand.place, apart, hand.spread, to[rods[0]], to[rods[1]])
+        elif rods:
+            to[rods[0], :3] = hand.place
 
     def _withdraw(self, hand: int) -> None:
         self.beam.withdraw_rod(2 * hand)
@@ -580,8 +591,7 @@ class SpatialTissue:
             hand.advance()
             if hand.node is not None:
                 beam.lead(hand.node, hand.place)
-            for rod, tip in self._tips(number):
-                beam.lead_rod(rod, tip)
+            self._lead_rods(number, hand)
         self._before[:] = beam.places
         before = self.stress_ratio
         beam.tick(TICK_SECONDS, ticks=SUBSTEPS)
@@ -598,19 +608,20 @@ class SpatialTissue:
     def _take_stresses(self) -> None:
         """Hold the walls' stresses against their strengths; tear those that are past them."""
         beam, stresses = self.beam, self.beam.stresses()
-        checks = [
-            surface.check(beam, strength, stresses)
-            for surface, strength in zip(self.tubes.surfaces, self.strengths, strict=True)
+        names, surfaces, strengths = self.tubes.names, self.tubes.surfaces, self.strengths
+        worsts = [beam.worst_stress(name, stresses) for name in names]
+        self.stress_ratios = [
+            each.total / strength for each, strength in zip(worsts, strengths, strict=True)
         ]
-        self.stress_ratios = [each.total_stress / each.threshold for each in checks]
         self.stress_ratio = max(self.stress_ratios)
-        self.worst_tube = self.stress_ratios.index(self.stress_ratio)
-        self.station = checks[self.worst_tube].station
+        self.worst_tube = worst_tube = self.stress_ratios.index(self.stress_ratio)
+        self.station = worsts[worst_tube].station / surfaces[worst_tube].scale
         self.peak_stress_ratio = max(self.peak_stress_ratio, self.stress_ratio)
-        for tube, (name, check) in enumerate(zip(self.tubes.names, checks, strict=True)):
+        for tube, name in enumerate(names):
             if self.stress_ratios[tube] <= 1.0 or self.tears[tube] is not None:
                 continue
-            worst = beam.worst_stress(name, stresses).station
+            check = surfaces[tube].check(beam, strengths[tube], stresses)
+            worst = worsts[tube].station
             hand = self._hand_at(tube, worst)
             self.tears[tube] = check
             self.torn_elements[tube] = beam.tear(worst, name)
@@ -854,13 +865,13 @@ class SpatialTissue:
     def forces(self) -> Floats:
         """(HANDS, 3) of each hand on duct or strands, N."""
         if self._forces is None:
-            beam = self.beam
-            self._forces = np.zeros((HANDS, 3))
+            state = self.beam.state
+            self._forces = forces = np.zeros((HANDS, 3))
             for number, hand in enumerate(self.hands):
                 if hand.node is not None:
-                    self._forces[number] = beam.hand_force(hand.node)
+                    forces[number] = self.beam.hand_force(hand.node)
                 for rod in self.rods_of(number):
-                    self._forces[number] += beam.rod_force(rod)
+                    forces[number] += state.pull[rod]
         return self._forces
 
     def _forget_reading(self) -> None:
@@ -905,7 +916,7 @@ def _with_free_end(network: Network) -> Network:
     return Network({**network.tubes, name: free}, network.joins)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _changes(before: Floats, places: Floats, damage: Floats) -> tuple[float, int]:
     """Return how far the node has moved that moved farthest, mm, and how many strands parted."""
     farthest, parted = 0.0, 0
@@ -915,6 +926,14 @@ def _changes(before: Floats, places: Floats, damage: Floats) -> tuple[float, int
     for i in range(damage.shape[0]):
         parted += damage[i] >= 1.0
     return farthest, parted
+
+
+@njit(cache=True)
+def _lead_jaws(tip: Floats, apart: float, spread: Vector, first: Floats, second: Floats) -> None:
+    """Write where two jaws go, each so far from the tip between them, mm."""
+    for r in range(3):
+        first[r] = tip[r] - apart * spread[r]
+        second[r] = tip[r] + apart * spread[r]
 
 
 def _vector(values: list[float]) -> Vector:

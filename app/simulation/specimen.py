@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from app.anatomy import Anatomy, tube_line, tube_organ
 from app.bed_preset import BedPreset
@@ -95,15 +95,7 @@ class Specimen:
         """Return the tubes at rest; a single duct's beam has so many elements."""
         if self.anatomy is not None:
             return self._anatomy_tubes
-        rest = self.space_beam(elements=elements)
-        layer = self.layer(rest)
-        return Tubes(
-            Network({DUCT: rest}),
-            Strands.joined([]) if layer is None else layer.strands_under(rest),
-            None if layer is None else (layer.floor_under(rest),),
-            (self.dissection,),
-            (self.threshold,),
-        )
+        return _single_tube(self, elements)
 
     @cached_property
     def _anatomy_tubes(self) -> Tubes:
@@ -201,3 +193,17 @@ class Specimen:
             strand_relaxation=strands,
             wall_relaxation=wall,
         )
+
+
+@lru_cache(maxsize=32)
+def _single_tube(specimen: Specimen, elements: int) -> Tubes:
+    """Return a single duct's tube: made once for all who practise on it."""
+    rest = specimen.space_beam(elements=elements)
+    layer = specimen.layer(rest)
+    return Tubes(
+        Network({DUCT: rest}),
+        Strands.joined([]) if layer is None else layer.strands_under(rest),
+        None if layer is None else (layer.floor_under(rest),),
+        (specimen.dissection,),
+        (specimen.threshold,),
+    )

@@ -268,8 +268,9 @@ class Readings:
             out = np.empty((section.shape[0], 2, 3))
             kernels.end_stresses(section, self.state.strained, fibres[1], wall, out)
             return out
-        loads = np.stack([section[:, [9, 4, 5]], section[:, [10, 7, 8]]], axis=1)
-        return loads / wall
+        out = np.empty((section.shape[0], 2, 3))
+        _nominal(section, wall, out)
+        return out
 
     def worst_stress(self, tube: str | None = None, stresses: Floats | None = None) -> WorstStress:
         """Return the largest stress of a tube's wall over its nodes, of `stresses` if given."""
@@ -297,7 +298,18 @@ class Readings:
         return 1e-15 * max(beam, self._tightest) * self.network.span
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, error_model="numpy")
+def _nominal(section: Floats, wall: Floats, out: Floats) -> None:
+    """Write forces and moments at both ends of each element over what the wall has for them."""
+    for element in range(section.shape[0]):
+        for end in range(2):
+            out[element, end, 0] = section[element, 9 + end] / wall[element, end, 0]
+            for r in range(1, 3):
+                load = section[element, 3 + 3 * end + r]
+                out[element, end, r] = load / wall[element, end, r]
+
+
+@njit(cache=True)
 def worst_stress(stresses: Floats) -> tuple[int, float, float, float]:
     """Return a tube's node with the largest stress, and its stresses; -1 where none is pulled."""
     largest, found = 0.0, (-1, 0.0, 0.0, 0.0)
