@@ -13,6 +13,7 @@ from app.anatomy.anatomy_network import AnatomyNetwork, anatomy_network
 from app.anatomy.hepatocystic_triangle import drawn_anatomy
 from app.anatomy.patient_case import PatientCase, named_labels, patient_case, write_case
 from app.anatomy.tables import Anatomy, TubeTable
+from app.anatomy.tube_kinds import wall_of
 from app.anatomy.tube_organ import place_of, tube_organ
 
 __all__ = [
@@ -36,5 +37,6 @@ __all__ = [
     "tube_line",
     "tube_lines",
     "tube_organ",
+    "wall_of",
     "write_case",
 ]

@@ -103,6 +103,11 @@ def check_tables(anatomy: Anatomy) -> None:
         raise TableError("an anatomy needs a [[tube]]", "tube", 0)
     if not 0 <= anatomy.seed < MOST_SEED:
         raise TableError(f"seed must be 0 to {MOST_SEED - 1:,}, got {anatomy.seed}", "", 0, "seed")
+    if anatomy.tissue not in bed_presets():
+        raise TableError(
+            f"there is no tissue {anatomy.tissue!r}; there are {', '.join(bed_presets())}",
+            "", 0, "tissue",
+        )  # fmt: skip
     if anatomy.place is not None:
         _check_place(anatomy.place)
     for number, shown in enumerate(anatomy.shown):

@@ -27,6 +27,7 @@ class TubeWall(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     most_wall_mm: float
     modulus_MPa: float  # noqa: N815 (units are written as they are)
     strength_MPa: float  # noqa: N815
+    relaxation: str  # of assets/relaxations.toml
     fluid: Fluid
     source: str
     confidence: Confidence

@@ -21,6 +21,9 @@ def perform(
         str, typer.Option(help="A shipped anatomy's name or an anatomy file.")
     ] = "normal",
     seed: Annotated[int | None, typer.Option(help="Instead: draw a case from this number.")] = None,
+    relax: Annotated[
+        bool, typer.Option("--relax", help="Let tissue and walls relax while they are held.")
+    ] = False,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Write the run here, as JSON.")
     ] = None,
@@ -45,7 +48,7 @@ def perform(
         made = anatomy_named(anatomy)
     else:
         made = read_anatomy(Path(anatomy))
-    session = Session(Specimen.of_anatomy(made), vertices=FEW)
+    session = Session(Specimen.of_anatomy(made, relaxation=relax), vertices=FEW)
     try:
         done = performed(found, session)
     except ValueError as error:

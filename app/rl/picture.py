@@ -101,7 +101,7 @@ def _shapes(tissue: SpatialTissue) -> tuple[Floats, Floats]:
     duct = np.concatenate([state.x[i], state.x[j], thick[:, None]], axis=1)
     whole = np.flatnonzero(beam.damage < 1.0)
     width = np.full((whole.size, 1), STRAND_MM)
-    strands = np.concatenate([beam.strand_ends(whole), beam.strands.feet[whole], width], axis=1)
+    strands = np.concatenate([beam.strand_ends(whole), beam.strand_feet(whole), width], axis=1)
     tools: list[list[float]] = []
     colours = [np.tile(DUCT, (len(duct), 1)), np.tile(STRAND, (len(strands), 1))]
     for hand in range(HANDS):

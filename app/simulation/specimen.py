@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property, lru_cache
 
-from app.anatomy import Anatomy, tube_line, tube_organ
-from app.bed_preset import BedPreset
+from app.anatomy import Anatomy, tube_line, tube_organ, wall_of
+from app.bed_preset import BedPreset, bed_named
 from app.simulation.dissection import Dissection
 from app.simulation.preset import Preset, RoundBeam
 from app.simulation.relaxation_preset import relaxation_named
@@ -85,11 +85,11 @@ class Specimen:
         )
 
     @classmethod
-    def of_anatomy(cls, anatomy: Anatomy) -> "Specimen":
+    def of_anatomy(cls, anatomy: Anatomy, *, relaxation: bool = False) -> "Specimen":
         """Return an anatomy's tubes in their tissue."""
         first = anatomy.tube[0]
         organ = tube_organ(anatomy, first, tube_line(first))
-        return cls(tube_preset(first), organ, anatomy=anatomy)
+        return cls(tube_preset(first), organ, anatomy=anatomy, relaxation=relaxation)
 
     def tubes(self, *, elements: int) -> Tubes:
         """Return the tubes at rest; a single duct's beam has so many elements."""
@@ -128,8 +128,10 @@ class Specimen:
         if not (self.relaxation if wanted is None else wanted):
             return None, None
         names = None if self.bed is None else self.bed.relaxation, self.preset.relaxation
-        if self.anatomy is not None:
-            names = "areolar", "tube-wall"
+        if (anatomy := self.anatomy) is not None:
+            layers = {bed_named(each.preset).relaxation for each in anatomy.layer}
+            walls: set[str | None] = {wall_of(each.kind).relaxation for each in anatomy.tube}
+            names = _alike(layers, "layers"), _alike(walls, "tubes")
         strands, wall = (None if each is None else relaxation_named(each).made() for each in names)
         return strands, wall
 
@@ -207,3 +209,12 @@ def _single_tube(specimen: Specimen, elements: int) -> Tubes:
         (specimen.dissection,),
         (specimen.threshold,),
     )
+
+
+def _alike(names: set[str | None], what: str) -> str | None:
+    """Return the one relaxation that all have."""
+    if len(names) > 1:
+        raise ValueError(
+            f"{what} of an anatomy relax alike, not by {', '.join(sorted(map(str, names)))}"
+        )
+    return names.pop() if names else None

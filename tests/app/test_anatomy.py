@@ -266,6 +266,10 @@ BROKEN: dict[str, tuple[str, str, str]] = {
     "a tissue that nobody knows": (
         edited('preset = "normal"', 'preset = "soft"'), 'preset = "soft"', "'soft'",
     ),
+    "a case of a tissue that nobody knows": (
+        edited("seed = 7", 'seed = 7\ntissue = "soft"'), 'tissue = "soft"',
+        "no tissue 'soft'; there are normal, loose, firm, inflamed, scar",
+    ),
     "a layer to its own tube": (
         edited('tube = "artery"\nto = "cystic"', 'tube = "artery"\nto = "artery"'),
         'to = "artery"', "another tube",

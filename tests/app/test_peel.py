@@ -364,15 +364,17 @@ def test_a_network_of_the_docs_is_pulled_and_a_tube_of_it_tears(tmp_path: Path) 
     assert "tube branch" in run("peel", tmp_path / "scene.toml").stdout
 
 
-def test_a_network_of_one_tube_is_the_beam_on_its_bed(tmp_path: Path) -> None:
-    """The same numbers, by either tables."""
+@pytest.mark.parametrize("time", ["", '[time]\nstep_s = 0.5\nstrands = "areolar"\n'])
+def test_a_network_of_one_tube_is_the_beam_on_its_bed(tmp_path: Path, time: str) -> None:
+    """The same numbers, by either tables, also where both relax."""
     beam = 'ends = ["clamped", "free"]\nelements = 30\n'
     stiffness = "\n".join(BEAM.splitlines()[5:]) + "\n"
     axis = "[[0.0, 0.0, 0.0], [60.0, 0.0, 0.0]]\n"
-    one = peeled(scene(tmp_path, "[beam]\naxis_mm = " + axis, beam + stiffness, BED, HAND))
+    one = peeled(scene(tmp_path, "[beam]\naxis_mm = " + axis, beam + stiffness, BED, HAND, time))
     tube = '[[tube]]\nname = "a"\npoints_mm = ' + axis
     layer = BED.replace("[bed]", '[[layer]]\ntube = "a"')
-    other = peeled(scene(tmp_path, tube, beam + stiffness, layer, HAND))
+    other = peeled(scene(tmp_path, tube, beam + stiffness, layer, HAND, time))
+    assert (one["steps"][-1].get("viscous_mJ", 0.0) > 0.0) == bool(time)
     for row, same in zip(one["steps"], other["steps"], strict=True):
         assert same.pop("tubes")["a"]["freed_mm"] == row["freed_mm"]
         assert same == row

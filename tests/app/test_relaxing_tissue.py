@@ -13,6 +13,7 @@ from program import refused, run
 from simulated import phantom
 
 from app.simulation import (
+    FEW,
     Replay,
     RunFileError,
     Session,
@@ -183,6 +184,37 @@ def test_a_run_plays_again_as_it_relaxed(relaxation: bool) -> None:
     again = Replay(read_run(content).log, phantom(), vertices=300)
     again.seek_tick(again.log.ticks)
     assert bits(again.session) == bits(session)
+
+
+def test_an_anatomy_relaxes_as_its_layers_and_walls_do_and_plays_again(tmp_path: Path) -> None:
+    """Drawn out and held for 10 s by `perform`; without `--relax` nothing falls."""
+    script = tmp_path / "hold.toml"
+    script.write_text("""
+step = [
+  { do = "take", instrument = "grasper" },
+  { do = "grab", tube = "gallbladder", at_mm = 8.0 },
+  { do = "lead", by_mm = [1.0, 3.4, 3.1], speed_mm_s = 8 },
+  { do = "wait", seconds = 10 },
+]
+""")
+    found = {}
+    for options in ((), ("--relax",)):
+        output = tmp_path / f"run{len(options)}.json"
+        run("perform", script, "-o", output, *options)
+        replay = Replay(read_run(output.read_bytes()).log, phantom(), vertices=FEW)
+        relaxing = replay.session.spatial.specimen.relaxing()
+        wanted = relaxation_named("areolar").made(), relaxation_named("tube-wall").made()
+        assert relaxing == (wanted if options else (None, None))
+        replay.seek_tick(replay.log.ticks - 299)
+        before = replay.session.reading()
+        replay.seek_tick(replay.log.ticks)
+        after = replay.session.reading()
+        assert run_json(replay.run_file()) == output.read_bytes()
+        assert abs(after.energy.residual) < 1e-4 * after.energy.work
+        found[options] = after.force / before.force, after.stress_ratio / before.stress_ratio
+        assert (after.energy.viscous > 0.0) == bool(options)
+    assert found[()] == pytest.approx((1.0, 1.0), abs=1e-3)
+    assert max(found["--relax",]) < 0.93
 
 
 def test_exercises_say_whether_tissue_relaxes_in_them_and_practice_goes_on_as_before() -> None:

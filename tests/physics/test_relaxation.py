@@ -8,7 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from physics import Beam
-from physics.bed import BeamOnBed, Bed, Relaxation, SpaceBeam, Strands, kernels
+from physics.bed import (
+    BeamOnBed,
+    Bed,
+    Join,
+    Network,
+    Relaxation,
+    SpaceBeam,
+    Strands,
+    kernels,
+)
 from physics.exact import Exponential, Law, Linear, NeoHooke
 
 K, TWO = 0.1, Relaxation((0.2, 0.225), (3.83, 30.15))
@@ -169,6 +178,66 @@ def test_a_duct_pulled_off_its_bed_while_all_relaxes_keeps_its_energy_balance(la
         at_hold.append((held.hand_force(node).copy(), energy.viscous / energy.work))
     np.testing.assert_allclose(at_hold[1][0], at_hold[0][0], rtol=0.01, atol=2e-3)
     assert at_hold[1][1] == pytest.approx(at_hold[0][1], rel=0.02)
+
+
+@pytest.mark.parametrize("step", [0.01, 1.0, 100.0])
+def test_a_strand_between_two_tubes_relaxes_by_its_prony_series(step: float) -> None:
+    """Held at both tubes by as much as either is led; each feels the other's hand."""
+    bars = {
+        name: SpaceBeam.from_axis(
+            elements=2, axis=np.array([[0.0, 0.0, z], [10.0, 0.0, z]]), ends=("free", "free"),
+            stiffness=np.full(6, 1e4), radius=0.5,
+        )
+        for name, z in (("upper", 0.0), ("lower", -3.0))
+    }  # fmt: skip
+    row = np.array([1.0])
+    strand = Strands(
+        5.0 * row, np.array([[5.0, 0, 0]]), np.array([[5.0, 0, -3.0]]), K * row, 3.0 * row,
+        50.0 * row, 90.0 * row, 0.0 * row, to=np.array([1]), to_stations=5.0 * row,
+    )  # fmt: skip
+    held = BeamOnBed(Network(bars), strand, strand_relaxation=TWO)
+    upper, lower = held.take(5.0, "upper"), held.take(5.0, "lower")
+    held.lead(lower, held.rest_place(lower) - np.array([0.0, 0.0, 0.5]))
+    assert lifted(held, upper, 1.5, 0.0) == pytest.approx(2.0 * K, rel=1e-8)
+    for after in range(1, 4):
+        force = lifted(held, upper, 1.5, step)
+        assert force == pytest.approx(2.0 * K * TWO.stiffness(after * step), rel=1e-8)
+        assert held.hand_force(lower)[2] == pytest.approx(-force, rel=1e-8)
+    gone = sum(
+        0.5 * K * 2.0**2 * g * -math.expm1(-6 * step / tau)
+        for g, tau in zip(TWO.fractions, TWO.times, strict=True)
+    )
+    assert held.energy.viscous == pytest.approx(gone, rel=1e-7)
+    assert held.energy.residual == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("law", [Linear(shear=True), Exponential(4.0)], ids=str)
+def test_a_pull_of_two_tubes_that_join_relaxes_as_that_of_one(law: Law) -> None:
+    """Straight, by the series; aside, with the forces and the viscous energy of the one tube."""
+    long, middle, short = (
+        Beam.round(span=span, diameter=8.89, modulus=0.310264, wall=1.5)
+        for span in (40.0, 25.0, 15.0)
+    )
+    one = SpaceBeam.of(long, law=law, elements=24, ends=("clamped", "clamped"), nodes_at=[10.0])
+    first = SpaceBeam.of(middle, law=law, elements=15, ends=("clamped", "free"), nodes_at=[10.0])
+    beyond = np.array([[25.0, 0.0, 0.0], [40.0, 0.0, 0.0]])
+    second = SpaceBeam.of(short, law=law, elements=9, ends=("free", "clamped"), axis=beyond)
+    two = Network({"a": first, "b": second}, [Join("b", 0, "a", 25.0)])
+    for way in (np.array([2.0, 0.0, 0.0]), np.array([0.5, 1.5, 4.0])):
+        found: list[list[float]] = []
+        for made in (BeamOnBed(one, wall_relaxation=TWO), BeamOnBed(two, wall_relaxation=TWO)):
+            node = made.take(10.0)
+            made.lead(node, made.rest_place(node) + way)
+            made.advance()
+            at_once = made.hand_force(node).copy()
+            made.advance(7.0)
+            after = made.hand_force(node)
+            if not way[1:].any():
+                assert after[0] == pytest.approx(TWO.stiffness(7.0) * at_once[0], rel=1e-6)
+            assert abs(made.energy.residual) < 1e-4 * made.energy.work
+            assert made.energy.viscous > 0.0
+            found.append([*at_once, *after, made.energy.viscous])
+        assert found[1] == pytest.approx(found[0], rel=1e-7, abs=1e-7)
 
 
 def test_a_tick_assembled_ahead_gives_the_same_bits_while_all_relaxes() -> None:

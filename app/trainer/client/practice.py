@@ -25,7 +25,7 @@ class Start(NamedTuple):
 
 
 def _anatomy(_: Organ, __: Preset | None, anatomy: Anatomy) -> Specimen:
-    return Specimen.of_anatomy(anatomy)
+    return Specimen.of_anatomy(anatomy, relaxation=True)
 
 
 def _in_bed(organ: Organ, preset: Preset | None, _: Anatomy) -> Specimen:
@@ -92,7 +92,7 @@ class Practice:
     def choose_anatomy(self, anatomy: Anatomy) -> None:
         """Begin with another anatomy."""
         with self._lock:
-            self._sessions["calot"] = Session(Specimen.of_anatomy(anatomy))
+            self._sessions["calot"] = Session(_anatomy(self._organ, None, anatomy))
 
     def renew(self, organ: Organ, preset: Preset | None) -> None:
         """Begin with other ducts."""
