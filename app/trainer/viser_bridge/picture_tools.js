@@ -3,7 +3,7 @@
 // three.js's numbers for formats and filters.
 Object.assign(viewer, (() => {
   const page = () => window.__viserMutable;
-  const RGBA = 1023, BYTE = 1009, FLOAT = 1015, NEAREST = 1003, LINEAR = 1006, MIPMAPS = 1008, REPEAT = 1000, CLAMP = 1001;
+  const RGBA = 1023, BYTE = 1009, FLOAT = 1015, NEAREST = 1003, LINEAR = 1006, NEAR_MIPMAPS = 1007, MIPMAPS = 1008, REPEAT = 1000, CLAMP = 1001;
   const NONE = 0;  // of the actions of camera-controls
 
   // Makers of three.js's objects, by the kinds of a mesh that viser has made and of its background;
@@ -36,10 +36,10 @@ Object.assign(viewer, (() => {
         const made = new Mesh(geometry, material);
         return Object.assign(made, { frustumCulled: false, raycast() {}, castShadow: false, receiveShadow: false });
       },
-      texture(data, width, height, { whole = false, repeats = false }) {
+      texture(data, width, height, { whole = false, repeats = false, quick = false }) {
         return Object.assign(new Texture(), {
           isDataTexture: true, image: { data, width, height }, format: RGBA, type: whole ? FLOAT : BYTE,
-          magFilter: whole ? NEAREST : LINEAR, minFilter: whole ? NEAREST : repeats ? MIPMAPS : LINEAR,
+          magFilter: whole ? NEAREST : LINEAR, minFilter: whole ? NEAREST : !repeats ? LINEAR : quick ? NEAR_MIPMAPS : MIPMAPS,
           generateMipmaps: repeats, flipY: false, unpackAlignment: 1, wrapS: repeats ? REPEAT : CLAMP,
           wrapT: repeats ? REPEAT : CLAMP, needsUpdate: true,
         });

@@ -11,6 +11,13 @@ varying vec3 vPlace, vNormal;
 
 bool outside() { return distance(gl_FragCoord.xy, uRound.xy) > uRound.z; }
 
+// The picture of noise at a place of it. The plain look takes `seen`, a part that it has already.
+#ifdef PLAIN
+#define NOISE(uv, seen) seen
+#else
+#define NOISE(uv, seen) texture2D(uNoise, uv)
+#endif
+
 // Cover of the sheet, blood, 2 mm as 1, darkness of the cavity, and bile, of a place.
 vec4 field(vec3 p) { return texture2D(uField, (p.xy - uBox.xy) / uBox.zw); }
 
@@ -48,7 +55,11 @@ float gloss(float nh, float rough) {
 vec3 camera(vec3 c) {
   c = 1.05 * max(c, 0.0);
   c = (c * (2.51 * c + 0.03)) / (c * (2.43 * c + 0.59) + 0.14);
+#ifdef PLAIN
+  return sqrt(clamp(c, 0.0, 1.0));
+#else
   return pow(clamp(c, 0.0, 1.0), vec3(1.0 / 2.2));
+#endif
 }
 
 float fallOff(float d, float along) { return uGain * 3600.0 / (d * d + 150.0) * smoothstep(0.60, 0.96, along); }
@@ -61,7 +72,7 @@ vec3 lit(vec3 n, vec3 albedo, vec3 soft, float rough, float wet, float cavity) {
   float nl = dot(n, l), nh = clamp(dot(n, normalize(l + v)), 0.0, 1.0);
   vec3 diffuse = clamp((nl + soft) / (1.0 + soft), 0.0, 1.0);
   diffuse *= diffuse * 0.45 + 0.55;
-  float fresnel = 0.04 + 0.24 * pow(1.0 - clamp(dot(n, v), 0.0, 1.0), 5.0);
+  float edge = 1.0 - clamp(dot(n, v), 0.0, 1.0), fresnel = 0.04 + 0.24 * edge * edge * edge * edge * edge;
   float shine = 0.5 * gloss(nh, rough) + 0.85 * wet * gloss(nh, 0.23);
   vec3 bounce = albedo * vec3(0.055, 0.030, 0.024) * mix(1.0, cavity, 0.6);
   float shade = rodShade(vPlace) * cavity;

@@ -6,5 +6,5 @@ void main() {
   vPlace = position;
   vNormal = normal;
   vCover = cover;
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+  gl_Position = projectionMatrix * (modelViewMatrix * vec4(position, 1.0));
 }

@@ -30,7 +30,7 @@
       const wide = sheet.columns * sheet.cell, high = sheet.rows * sheet.cell;
       this.shared = {
         uEye: [0, 0, 0], uLamp: [0, 0, 0], uAxis: [0, 0, -1], uGain: 1, uRound: [0, 0, 1],
-        uNoise: make.texture(noise, PICTURE, PICTURE, { repeats: true }), uSlopes: make.texture(slopes, PICTURE, PICTURE, { repeats: true }),
+        uNoise: make.texture(noise, PICTURE, PICTURE, { repeats: true, quick: given.plain }), uSlopes: make.texture(slopes, PICTURE, PICTURE, { repeats: true, quick: given.plain }),
         uField: this.field, uBox: [sheet.x0 - sheet.cell / 2, sheet.y0 - sheet.cell / 2, wide, high],
         uRods: 0, uRodFrom: this.rods[0], uRodTo: this.rods[1], uWell: this.wells, uDent: this.dents,
         uNodes: state.nodeTexture, uEnds: state.endTexture,
@@ -70,7 +70,7 @@
           position[3 * k] = sheet.x0 + (k % columns) * sheet.cell;
           position[3 * k + 1] = sheet.y0 + Math.floor(k / columns) * sheet.cell;
         }
-        const geometry = make.geometry({ position: [position, 3], normal: [normal, 3], cover: [new Float32Array(sheet.size), 1] }, gridIndex(columns, rows));
+        const geometry = make.geometry({ position: [position, 3], normal: [normal, 3], cover: [new Float32Array(sheet.size), 1] }, gridIndex(columns, rows, this.given.plain ? 2 : 1));
         return { position, normal, geometry };
       };
       this.floor = field();
@@ -79,7 +79,7 @@
       this.put(this.floor.geometry, this.material(["ground.vert"], ["common", "wet", "floor.frag"]), 3);
       const cloth = ["common", "wet", "sheet.frag"];
       this.put(this.skin.geometry, this.material(["ground.vert"], cloth, { uOpaque: 1 }, { side: 2 }), 1);
-      this.put(this.skin.geometry, this.material(["ground.vert"], cloth, { uOpaque: 0 }, { side: 2, transparent: true }), 6);
+      if (!this.given.plain) this.put(this.skin.geometry, this.material(["ground.vert"], cloth, { uOpaque: 0 }, { side: 2, transparent: true }), 6);
       const liver = liverOf(this.given.liver);
       this.put(make.geometry({ position: [liver.position, 3], normal: [liver.normal, 3], cover: [new Float32Array(liver.position.length / 3), 1] }, gridIndex(liver.columns, liver.rows)),
         this.material(["ground.vert"], ["common", "wet", "liver.frag"], {}, { side: 2 }), 3);
@@ -338,15 +338,14 @@
     return { place, wall, rings };
   };
 
-  const gridIndex = (columns, rows) => {
-    const index = new Uint32Array(6 * (columns - 1) * (rows - 1));
-    let at = 0;
-    for (let r = 0; r + 1 < rows; r++) for (let c = 0; c + 1 < columns; c++) {
-      const p = r * columns + c;
-      index.set([p, p + 1, p + columns + 1, p, p + columns + 1, p + columns], at);
-      at += 6;
+  // Two triangles for each cell of a grid, or for each of some cells' width.
+  const gridIndex = (columns, rows, width = 1) => {
+    const index = [];
+    for (let r = 0; r + 1 < rows; r += width) for (let c = 0; c + 1 < columns; c += width) {
+      const p = r * columns + c, q = p + Math.min(width, columns - 1 - c), down = columns * Math.min(width, rows - 1 - r);
+      index.push(p, q, q + down, p, q + down, p + down);
     }
-    return index;
+    return new Uint32Array(index);
   };
 
   // Give a grid new heights, and normals of them.

@@ -1,6 +1,7 @@
 // Fat and peritoneum over all: lobules of two sizes, a thin wet film between, and where it is torn
 // off whole lobules that go one after the other, and a ragged rim that light shines through.
-// Drawn twice: what is opaque first, so that nothing below it is drawn, then what is not.
+// Drawn twice: what is opaque first, so that nothing below it is drawn, then what is not. The plain
+// look draws all of it once, opaque.
 varying float vCover;
 uniform float uOpaque;
 void main() {
@@ -8,16 +9,18 @@ void main() {
   vec3 n = normalize(vNormal), smoothN = n;
   // On steep walls the pictures would be drawn out: they are laid on along the fall.
   vec2 at = vPlace.xy - 0.45 * vPlace.z * n.xy * (1.0 - n.z), uv = at / 30.0;
-  vec4 t = texture2D(uNoise, uv), t2 = texture2D(uNoise, uv * 3.1 + 0.17);
-  vec4 wide = texture2D(uNoise, uv * 0.43 + 0.6), big = texture2D(uNoise, uv * 0.55 + 0.23);
+  vec4 t = texture2D(uNoise, uv), big = texture2D(uNoise, uv * 0.55 + 0.23);
+  vec4 t2 = NOISE(uv * 3.1 + 0.17, t.brga), wide = NOISE(uv * 0.43 + 0.6, big);
   float edge = vCover + 0.20 * (t2.r - 0.5) + 0.34 * (big.g - 0.5) + 0.22 * (t.g - 0.5);
   if (edge < 0.40) discard;
   float rim = 1.0 - smoothstep(0.40, 0.60, edge);
   float low = smoothstep(26.0, 4.0, vPlace.x);  // towards the duodenum the omentum is fatter
   float fatty = smoothstep(0.26, 0.70, wide.r * 0.72 + t.r * 0.28 + 0.16 * (t.g - 0.5) + 0.25 * low);
   fatty *= 1.0 - 0.85 * rim;
+#ifndef PLAIN
   bool solid = fatty > 0.5 && rim < 0.02;
   if (solid != (uOpaque > 0.5)) discard;
+#endif
   vec4 f = field(vPlace);
   float lobule = mix(t.g, big.g, 0.45);
   vec3 fat = mix(vec3(0.58, 0.27, 0.085), vec3(0.86, 0.57, 0.23), smoothstep(0.05, 0.95, lobule)) * (0.86 + 0.28 * t2.r);
@@ -27,9 +30,9 @@ void main() {
   base = mix(base, vec3(0.40, 0.03, 0.03), 0.55 * wide.a * (1.0 - rim) + 0.30 * big.a);
   base = mix(base, vec3(0.78, 0.52, 0.40), 0.45 * rim);
   vec3 x = vec3(1, 0, 0), y = vec3(0, 1, 0);
-  n = bumped(n, uv * 0.55 + 0.23, x, y, vec2(0.3, 1.0), mix(0.6, 3.2, fatty));
   n = bumped(n, uv, x, y, vec2(0.25, 1.0), mix(0.4, 2.4, fatty));
 #ifndef PLAIN
+  n = bumped(n, uv * 0.55 + 0.23, x, y, vec2(0.3, 1.0), mix(0.6, 3.2, fatty));
   n = bumped(n, uv * 3.1 + 0.17, x, y, vec2(1.0, 0.35), 1.0);
   n = bumped(n, uv * 7.3 + 0.4, x, y, vec2(1.0, 0.2), 0.75);
 #endif

@@ -20,5 +20,5 @@ void main() {
   vNormal = normalize(v + 0.7 * s * (2.0 * place.x - 1.0));
   vState = vec2(a.w, b.w);
   vOn = place;
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(p, 1.0);
+  gl_Position = projectionMatrix * (modelViewMatrix * vec4(p, 1.0));
 }

@@ -13,7 +13,7 @@ void main() {
   if (!gl_FrontFacing) n = -n;
   vec3 smoothN = n, round = normalize(cross(n, vAlong));
   vec2 uv = vOn / 34.0;
-  vec4 t = texture2D(uNoise, uv), t2 = texture2D(uNoise, uv * 3.3 + 0.4), t3 = texture2D(uNoise, uv.yx * vec2(2.0, 0.8));
+  vec4 t = texture2D(uNoise, uv), t2 = texture2D(uNoise, uv * 3.3 + 0.4), t3 = NOISE(uv.yx * vec2(2.0, 0.8), t2.gbra);
   vec3 base = mix(uColor, uDeep, 0.75 * smoothstep(0.35, 0.75, t.r)) * (0.84 + 0.34 * t2.r);
   base = mix(base, vec3(0.45, 0.03, 0.025), uLook.x * (0.75 * t.a + 0.65 * t2.a));
   base = mix(base, vec3(0.80, 0.66, 0.56), uCoat.x * smoothstep(0.45, 0.85, t3.b) * smoothstep(0.40, 0.6, t.r));

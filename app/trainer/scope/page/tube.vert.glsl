@@ -50,5 +50,5 @@ void main() {
   }
   vAlong = along;
   vOn = vec2(mm, place.y * max(m.w, 0.8));
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(vPlace, 1.0);
+  gl_Position = projectionMatrix * (modelViewMatrix * vec4(vPlace, 1.0));
 }

@@ -29,5 +29,5 @@ void main() {
   vPlace = p;
   vNormal = n;
   if (vWide > 7.0) p = vec3(0.0, 0.0, -1e4);
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(p, 1.0);
+  gl_Position = projectionMatrix * (modelViewMatrix * vec4(p, 1.0));
 }

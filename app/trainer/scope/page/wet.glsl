@@ -13,6 +13,7 @@ vec2 slopeOfFluid(vec3 p, float depth) {
 // Blood, w mm of it, hides what it lies on, levels its bumps and shines; bile is thin and green.
 void soak(inout vec3 albedo, inout float rough, inout float wet, inout vec3 n, vec3 smoothN,
     float w, float bile, float noise, vec2 slope) {
+  if (w + bile < 0.004) return;
   w *= 0.75 + 0.7 * noise;
   float film = smoothstep(0.03, 0.20, w), deep = smoothstep(0.12, 1.2, w);
   vec3 blood = mix(vec3(0.30, 0.010, 0.008), vec3(0.085, 0.002, 0.003), deep);
