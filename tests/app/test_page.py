@@ -512,7 +512,7 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
             (CAREFUL, "Passed", ["this try", "try 1", "expert", "limit"]),
         ):
             state.start_exercise(gentle, Feedback.CONTINUOUS)
-            state.paused = True  # time goes by the hand's own ticks
+            stop_time(tab, trainer, view)  # time goes by the hand's own ticks
             perform(session, manner)
             expect(outcome).to_have_attribute("data-outcome", word)
             tab.open("Measures")
