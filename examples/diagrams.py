@@ -21,6 +21,7 @@ GIVES = {
     "app.validation": "tables, predictions",
     "app.compression": "organs from images",
     "app.anatomy": "several tubes, patients",
+    "app.peel": "scenes from TOML",
     "app.simulation": "sessions, runs, errors",
     "organ_geometry": "images to organs to meshes",
     "physics": "beams, strands, rupture",

@@ -1,11 +1,13 @@
 """Options of a duct in its bed, which `solve` and `export` share."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Annotated
 
 import typer
+
+from app.command_line.shared_options import given_options
 
 __all__ = ["BED_NAMES", "BedOptions"]
 
@@ -47,17 +49,18 @@ class BedOptions:
     ] = 60
     elements: Annotated[int, typer.Option(help="Bed: elements of the beam.")] = 80
 
-    def check(self, *, of_bed: Mapping[str, object], of_pull: Mapping[str, object]) -> None:
+    def check(
+        self, context: typer.Context, *, of_bed: Iterable[str] = (), of_pull: Iterable[str]
+    ) -> None:
         """Raise if options of a bed are given without one, or options of a pull with one.
 
-        Both are by name, None where they are not given; `of_bed` has those besides the fields.
+        Both are parameters' names; `of_bed` are those besides the fields.
         """
+        own = [each.name for each in fields(self) if each.name != "bed"]
         if self.bed is None:
-            own = [each.name for each in fields(self) if getattr(self, each.name) != each.default]
-            given = [*(f"--{name}" for name in own), *_given(of_bed)]
-            if given:
+            if given := given_options(context, [*own, *of_bed]):
                 raise ValueError(f"{', '.join(given)} go with --bed")
-        elif given := _given(of_pull):
+        elif given := given_options(context, of_pull):
             raise ValueError(
                 f"a duct in a --bed is a beam in space, pulled by --hook and --lift or --path in "
                 f"--steps; leave out {', '.join(given)}"
@@ -76,7 +79,3 @@ class BedOptions:
             raise ValueError(
                 f"--path must be JSON of points [[x,y,z],...] in mm, not {self.path}"
             ) from None
-
-
-def _given(options: Mapping[str, object]) -> list[str]:
-    return [name for name, value in options.items() if value is not None]

@@ -27,9 +27,13 @@ if TYPE_CHECKING:
 
 __all__ = ["export"]
 
+OF_PULL = ("force", "grasp", "q", "shear", "theory", "torn", "frames", "table")
+"""Parameters of a duct without a bed."""
+
 
 @options_of(BedOptions)
 def export(
+    context: typer.Context,
     organ: Annotated[Path, typer.Argument(help="An .organ file, from `bluntdissect compress`.")],
     output: Annotated[
         Path | None,
@@ -106,10 +110,7 @@ def export(
     if table not in ("curve", "axis"):
         raise ValueError(f"--table must be curve or axis, not {table}")
     in_bed = BedOptions(**options)
-    of_pull = {"--force": force, "--grasp": grasp, "--q": q, "--shear": shear or None}
-    of_pull |= {"--theory": theory != "cubic" or None, "--torn": torn or None}
-    of_pull |= {"--frames": frames != 60 or None, "--table": table != "curve" or None}
-    in_bed.check(of_bed={}, of_pull=of_pull)
+    in_bed.check(context, of_pull=OF_PULL)
     tissue = organ_from(organ)
     specimen = Specimen(
         with_law(

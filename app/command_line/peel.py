@@ -28,14 +28,14 @@ def peel(
 
     Example: bluntdissect peel scene.toml --json -o history.csv
     """
-    from app.simulation import read_scene
+    from app.peel import read_scene
     from organ_geometry import check_target
 
     if output is not None:
         check_target(output)
     found = read_scene(scene)
     try:
-        history = found.played()
+        history = found.run()
     except ValueError as error:
         raise ValueError(f"{scene}: {error}") from None
     limit = None if found.beam is None else found.beam.break_stress_MPa

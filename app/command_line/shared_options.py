@@ -1,12 +1,21 @@
 """Options that commands share: declared once, as the arguments of a function or a class."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-__all__ = ["options_of"]
+import typer
+
+__all__ = ["given_options", "options_of"]
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def given_options(context: typer.Context, names: Iterable[str]) -> list[str]:
+    """Return those of some parameters that the command line gives, by their options' names."""
+    sources = {each: context.get_parameter_source(each) for each in names}
+    given = {name for name, source in sources.items() if source and source.name == "COMMANDLINE"}
+    return [each.opts[0] for each in context.command.params if each.name in given]
 
 
 def options_of(shared: Callable[..., object]) -> Callable[[Command], Command]:

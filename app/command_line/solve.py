@@ -1,9 +1,9 @@
 """`bluntdissect solve`: one beam under one pull, in numbers."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -24,16 +24,28 @@ from app.command_line.load import (
     with_law,
 )
 from app.command_line.load_cases import LOADS, solve_load_case
-from app.command_line.shared_options import options_of
+from app.command_line.shared_options import given_options, options_of
+
+if TYPE_CHECKING:
+    from physics import Beam, Theory
 
 __all__ = ["solve"]
 
 # mm, MPa and N: far beyond any tissue, far from where numbers run over.
 MOST_LENGTH, MOST_MODULUS, MOST_FORCE = 1e6, 1e9, 1e9
+OF_ROUND_BEAM = ("span", "diameter", "modulus", "poisson", "wall")
+"""Parameters of a beam that no preset brings."""
+OF_PULL = (
+    *OF_ROUND_BEAM, "grasp", "force", "deflection", "q", "shear", "theory", "load", "angle",
+    "pressure",
+)  # fmt: skip
+"""Parameters of a duct without a bed, and of one in a bed."""
+OF_BED = ("output", "step_seconds", "hold", "until")
 
 
 @options_of(BedOptions)
 def solve(
+    context: typer.Context,
     preset: Annotated[str | None, typer.Option(help=f"A duct: {PRESET_HELP}")] = None,
     organ: Annotated[
         Path | None,
@@ -101,13 +113,7 @@ def solve(
     bluntdissect solve --bed firm --hook 31 --lift 6 --step-seconds 0.1 --hold 10
     """
     in_bed = BedOptions(**options)
-    of_pull = {"--grasp": grasp, "--force": force, "--deflection": deflection}
-    of_pull |= {"--span": span, "--diameter": diameter, "--modulus": modulus, "--q": q}
-    of_pull |= {"--poisson": poisson, "--shear": shear or None}
-    of_pull |= {"--theory": theory != "cubic" or None, "--wall": wall}
-    of_pull |= {"--load": load != "across" or None, "--angle": angle, "--pressure": pressure}
-    timed = {"--step-seconds": step_seconds, "--hold": hold, "--until": until}
-    in_bed.check(of_bed={"-o": output, **timed}, of_pull=of_pull)
+    in_bed.check(context, of_bed=OF_BED, of_pull=OF_PULL)
     if in_bed.bed is not None:
         _solve_in_bed(
             in_bed.bed,
@@ -121,8 +127,7 @@ def solve(
             as_json=as_json,
         )
         return
-    from physics import Beam, Exact, Linear, break_of, check_rupture, critical_stations
-    from physics.quantity import positive
+    from physics import Exact, Linear
 
     for name, value, unit, most in (
         ("--span", span, "mm", MOST_LENGTH),
@@ -138,53 +143,34 @@ def solve(
     if load == "across" and not (angle is None and pressure is None):
         raise ValueError("--angle is of --load avulsion and --pressure of --load inflation")
     if load != "across":
-        if theory != "cubic" or q is not None or grasp is not None:
+        if given_options(context, ("theory", "q", "grasp")):
             raise ValueError(f"--theory, --q and --grasp are not of --load {load}: give --law")
         if law is None and (preset is not None or organ is not None):
             own = with_law(duct_of(preset, organ), law, stiffening)
             law, stiffening = own.law, own.stiffening
         theory, shear = "exact", law in (None, "linear")
     chosen = chosen_theory(theory, q=q, shear=shear, law=law, stiffening=stiffening)
-    round_beam = {
-        "--span": span,
-        "--diameter": diameter,
-        "--modulus": modulus,
-        "--poisson": poisson,
-        "--wall": wall,
-    }
-    given = [name for name, value in round_beam.items() if value is not None]
-    section, strength, doubt = "a full round bar", None, ""
     if preset is not None or organ is not None:
-        if given:
+        if given := given_options(context, OF_ROUND_BEAM):
             brings = "--preset" if preset is not None else "--organ"
             raise ValueError(f"{brings} brings its own beam; leave out {', '.join(given)}")
         specimen = specimen_from(preset, organ, theory=chosen, threshold_MPa=threshold)
-        beam, section, limit = specimen.beam, specimen.section, specimen.threshold
-        strength = specimen.preset.strength if threshold is None else None
-        preset, doubt = specimen.preset.name, specimen.doubt
-    else:
-        if span is None or diameter is None or modulus is None:
-            raise ValueError(
-                "give a --preset, an --organ, or --span, --diameter and --modulus of a round beam"
-            )
-        beam = Beam.round(
-            span=span,
-            diameter=diameter,
-            modulus=modulus,
-            poisson_ratio=0.3 if poisson is None else poisson,
-            wall=wall,
+        duct = _Duct(
+            specimen.beam,
+            specimen.section,
+            specimen.threshold,
+            specimen.preset.name,
+            specimen.preset.strength if threshold is None else None,
+            specimen.doubt,
         )
-        section = section if wall is None else "a round tube"
-        limit = threshold
-    if limit is not None:
-        positive(limit, "threshold", "MPa")
-
+    else:
+        duct = _round_duct(span, diameter, modulus, poisson, wall, threshold)
     if load != "across":
         solve_load_case(
             load,
-            beam,
+            duct.beam,
             chosen.law if isinstance(chosen, Exact) else Linear(shear=True),
-            limit,
+            duct.threshold,
             force=force,
             elongation=deflection,
             angle=angle,
@@ -192,11 +178,65 @@ def solve(
             as_json=as_json,
         )
         return
+    result, lines = _pull_across(duct, chosen, grasp, force, deflection)
+    answer(result, lines, as_json=as_json)
+
+
+@dataclass(frozen=True, slots=True)
+class _Duct:
+    """A beam, and what is known of it."""
+
+    beam: "Beam"
+    section: str  # which is solved, in words
+    threshold: float | None  # MPa
+    preset: str | None = None
+    strength: str | None = None  # as the preset gives it
+    doubt: str = ""  # about its law
+
+
+def _round_duct(
+    span: float | None,
+    diameter: float | None,
+    modulus: float | None,
+    poisson: float | None,
+    wall: float | None,
+    threshold: float | None,
+) -> _Duct:
+    from physics import Beam
+    from physics.quantity import positive
+
+    if span is None or diameter is None or modulus is None:
+        raise ValueError(
+            "give a --preset, an --organ, or --span, --diameter and --modulus of a round beam"
+        )
+    if threshold is not None:
+        positive(threshold, "threshold", "MPa")
+    beam = Beam.round(
+        span=span,
+        diameter=diameter,
+        modulus=modulus,
+        poisson_ratio=0.3 if poisson is None else poisson,
+        wall=wall,
+    )
+    return _Duct(beam, "a full round bar" if wall is None else "a round tube", threshold)
+
+
+def _pull_across(
+    duct: _Duct,
+    theory: "Theory",
+    grasp: float | None,
+    force: float | None,
+    deflection: float | None,
+) -> tuple[dict[str, object], list[tuple[str, str]]]:
+    """Solve a pull across a duct; return what came of it, by key and in words."""
+    from physics import break_of, check_rupture, critical_stations
+
     if (force is None) == (deflection is None):
         raise ValueError("give either --force (N) or --deflection (mm)")
+    beam, limit = duct.beam, duct.threshold
     at = 0.5 * beam.span if grasp is None else grasp
     stations = critical_stations(beam, at)
-    pull = chosen.pull(beam, at)
+    pull = theory.pull(beam, at)
     if force is not None:
         pull.to_force(force)
     elif deflection is not None:
@@ -204,11 +244,11 @@ def solve(
     pulled = pull.sample(stations)
     # Without a threshold any will do to find the place of the highest stress.
     check = check_rupture(pulled, 1.0 if limit is None else limit)
-    event = None if limit is None else break_of(chosen.pull(beam, pulled.grasp), limit)
-    result = {
-        "theory": chosen.name,
-        "preset": preset,
-        "section": section,
+    event = None if limit is None else break_of(theory.pull(beam, pulled.grasp), limit)
+    result: dict[str, object] = {
+        "theory": theory.name,
+        "preset": duct.preset,
+        "section": duct.section,
         "span_mm": beam.span,
         "area_mm2": beam.area,
         "second_moment_mm4": beam.second_moment,
@@ -219,18 +259,18 @@ def solve(
         "bending_stress_MPa": check.bending_stress,
         "station_mm": check.station,
         "side": {1: "pull", -1: "away", 0: None}[check.tension_side],
-        "strength": strength,
+        "strength": duct.strength,
         "threshold_MPa": limit,
         "distance_to_break": None if limit is None else check.distance_to_break,
         "breaks_at_N": None if event is None else event.force,
-        **chosen.options,
-        **({"notes": [doubt]} if doubt else {}),
+        **theory.options,
+        **({"notes": [duct.doubt]} if duct.doubt else {}),
     }
     side = {1: ", on the side of the pull", -1: ", on the side away from the pull", 0: ""}
     lines = [
-        ("theory", theory_words(chosen)),
-        *([] if preset is None else [("preset", preset)]),
-        ("section", section),
+        ("theory", theory_words(theory)),
+        *([] if duct.preset is None else [("preset", duct.preset)]),
+        ("section", duct.section),
         (
             "beam",
             f"span {beam.span:.6g} mm, area {beam.area:.6g} mm^2, second moment "
@@ -251,7 +291,7 @@ def solve(
     else:
         state = "  it breaks" if check.broken else ""
         lines += [
-            *([] if strength is None else [("strength as given", strength)]),
+            *([] if duct.strength is None else [("strength as given", duct.strength)]),
             ("threshold", f"{1e3 * limit:.6g} kPa"),
             ("distance to break", f"{100.0 * check.distance_to_break:.2f} %{state}"),
             (
@@ -259,9 +299,9 @@ def solve(
                 "no force it can be pulled with" if event is None else f"{event.force:.6g} N",
             ),
         ]
-    if doubt:
-        lines.append(("note", doubt))
-    answer(result, lines, as_json=as_json)
+    if duct.doubt:
+        lines.append(("note", duct.doubt))
+    return result, lines
 
 
 def _solve_in_bed(

@@ -38,7 +38,6 @@ from app.simulation.inputs import (
 from app.simulation.metrics import DISTANCE_TO_BREAK, METRIC_OF, METRICS, Metric, Metrics
 from app.simulation.older_exercises import renamed_exercise, renamed_goal, renamed_numbers
 from app.simulation.older_runs import read_run, renamed_metrics
-from app.simulation.peel_scene import PeelScene, read_scene
 from app.simulation.performance import Performance, Script, Step, performed, read_script
 from app.simulation.planar_tissue import PlanarTissue
 from app.simulation.preset import (
@@ -157,7 +156,6 @@ __all__ = [
     "OrganBeam",
     "OrganIdentity",
     "Outcome",
-    "PeelScene",
     "Performance",
     "Phase",
     "PlanarTissue",
@@ -208,7 +206,6 @@ __all__ = [
     "pull_and_hold",
     "read_preset",
     "read_run",
-    "read_scene",
     "read_script",
     "renamed_exercise",
     "renamed_goal",

@@ -15,7 +15,7 @@ from typing import Literal
 import msgspec
 
 from app.bounded_file import decoded, read_bounded
-from app.simulation.relaxation_preset import relaxation_named
+from app.relaxation_preset import relaxation_named
 from assets import PRESETS
 from physics import Beam, Law, LawName, Theory, calibrated_threshold, law_named
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from app.anatomy import Anatomy, anatomy_named, shipped_anatomies
 from app.bed_preset import BedPreset
+from app.relaxation_preset import Prony
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback, Outcome
 from app.simulation.inputs import (
@@ -24,7 +25,6 @@ from app.simulation.inputs import (
 )
 from app.simulation.metrics import Metrics
 from app.simulation.preset import Preset
-from app.simulation.relaxation_preset import Prony
 from organ_geometry import Organ
 from physics import LawName
 from physics.bed import Strands

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.bed_preset import BedPreset, named_or_whole
+from app.relaxation_preset import Prony
 from app.simulation.attempt import Taker
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
@@ -31,7 +32,6 @@ from app.simulation.inputs import (
     Instrument,
 )
 from app.simulation.reading import FluidReading, Reading, Vector
-from app.simulation.relaxation_preset import Prony
 from app.simulation.run_file import (
     ELEMENTS,
     HANDS,

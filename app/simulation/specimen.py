@@ -6,9 +6,9 @@ from functools import cached_property, lru_cache
 
 from app.anatomy import Anatomy, tube_line, tube_organ, wall_of
 from app.bed_preset import BedPreset, bed_named
+from app.relaxation_preset import relaxation_named
 from app.simulation.dissection import Dissection
 from app.simulation.preset import Preset, RoundBeam
-from app.simulation.relaxation_preset import relaxation_named
 from app.simulation.tubes import Tubes, tube_preset
 from organ_geometry import Organ
 from physics import Beam, Exact, Linear, Theory

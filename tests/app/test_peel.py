@@ -12,7 +12,7 @@ from program import refused, run
 
 from app.bed_preset import bed_presets
 from app.command_line.bed_options import BED_NAMES
-from app.simulation.peel_scene import (
+from app.peel.tables import (
     BeamTable,
     BedTable,
     HandTable,

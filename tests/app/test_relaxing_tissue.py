@@ -12,6 +12,7 @@ import pytest
 from program import refused, run
 from simulated import phantom
 
+from app.relaxation_preset import relaxation_named
 from app.simulation import (
     FEW,
     Replay,
@@ -25,7 +26,6 @@ from app.simulation import (
     read_run,
     run_json,
 )
-from app.simulation.relaxation_preset import relaxation_named
 from app.simulation.scripted_hands import Lift, perform
 from physics.bed import Relaxation
 

@@ -1,34 +1,41 @@
-"""A scene of a beam on a bed, read from a TOML file; no organ is needed (docs/peel.md)."""
+"""Tables of a scene, as its TOML file has them (docs/peel.md), and what each stands for."""
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import msgspec
 import numpy as np
 
 from app.bed_preset import bed_named
-from app.bounded_file import decoded, read_bounded
-from app.simulation.relaxation_preset import Prony, relaxation_named
+from app.relaxation_preset import Prony, relaxation_named
 from physics import Beam, LawName, law_named
 from physics.bed import (
     Bed,
     End,
     Hand,
-    History,
-    Join,
-    Network,
     Patch,
     Rod,
     SpaceBeam,
     Strands,
-    pull,
 )  # fmt: skip
 from physics.bed.space_beam import axis_line
 from physics.quantity import finite, positive
 
-__all__ = ["PeelScene", "read_scene"]
+__all__ = [
+    "BeamTable",
+    "BedTable",
+    "HandTable",
+    "JoinTable",
+    "LayerTable",
+    "Point",
+    "RodTable",
+    "StrandTable",
+    "TimeTable",
+    "TubeTable",
+    "beyond",
+    "on_axis",
+]
 
 Number = int | float
 Numbers = Number | list[Number]
@@ -38,12 +45,8 @@ Span = tuple[Number, Number]
 SceneEnd = End | Literal["joined"]
 TableT = TypeVar("TableT", bound=msgspec.Struct)
 
-MOST_BYTES = 20_000_000
-"""Size of a scene file: some 100,000 strands, each in a table of its own."""
 # Part of a curved axis's length.
 JUST_BEYOND = 1e-3
-MEETS_MM = 0.5
-"""How far a joined end may be from what it joins; it is moved there."""
 DIRECTIONS = {"x": 0, "y": 1, "z": 2}
 STIFFNESSES = (
     "axial_stiffness_N",
@@ -82,7 +85,7 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             return None
         return float(axis_line(np.array(self.axis_mm, dtype=np.float64))[0][-1])
 
-    def made(self, nodes_at: list[float]) -> SpaceBeam:
+    def build(self, nodes_at: list[float]) -> SpaceBeam:
         """Return the beam, with nodes where hooks take hold."""
         if (self.span_mm is None) == (self.axis_mm is None):
             raise ValueError("[beam] needs either span_mm or axis_mm")
@@ -176,23 +179,23 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     jitter: Number | None = None
     patch: list[PatchTable] = []
 
-    def made(self, beam: SpaceBeam) -> Bed:
+    def build(self, beam: SpaceBeam) -> Bed:
         """Return the bed under a beam."""
         patches = tuple(Patch(each.from_mm, each.to_mm, each.factor) for each in self.patch)
-        own: dict[str, float] = {"bilateral": True} if self.two_sided else {}
-        for name, field, value in (
-            ("softening", "softening", self.softening),
-            ("floor_N_mm2", "floor", self.floor_N_mm2),
-            ("gap_mm", "gap", self.gap_mm),
-            ("around_deg", "around", _radians(self.around_deg)),
-            ("fan_deg", "fan", _radians(self.fan_deg)),
-            ("slack_mm", "slack", self.slack_mm),
-            ("scatter", "scatter", self.scatter),
-            ("stiffness_scatter", "stiffness_scatter", self.stiffness_scatter),
-            ("jitter", "jitter", self.jitter),
+        own: dict[str, Any] = {"bilateral": True} if self.two_sided else {}
+        for field, value in (
+            ("softening", self.softening),
+            ("floor", self.floor_N_mm2),
+            ("gap", self.gap_mm),
+            ("around", None if self.around_deg is None else math.radians(self.around_deg)),
+            ("fan", None if self.fan_deg is None else math.radians(self.fan_deg)),
+            ("slack", self.slack_mm),
+            ("scatter", self.scatter),
+            ("stiffness_scatter", self.stiffness_scatter),
+            ("jitter", self.jitter),
         ):
             if value is not None:
-                own[field] = finite(value, f"{name} of [bed]", "")
+                own[field] = float(value)
         first = None if self.from_mm is None else float(self.from_mm)
         last = None if self.to_mm is None else float(self.to_mm)
         if self.preset is not None:
@@ -206,7 +209,7 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
             bed = bed_named(self.preset).bed(
                 beam, seed=self.seed, strands=self.strands, from_mm=first, to_mm=last
             )
-            return with_own(bed, own).with_patch(*patches)
+            return replace(bed, **own).with_patch(*patches)
         if self.stiffness_N_mm2 is None:
             raise ValueError("[bed] needs a preset, or stiffness_N_mm2 and toughness_N")
         if (self.toughness_N is None) == (self.strength_N_mm is None):
@@ -223,18 +226,16 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         stiffness = _values(self.stiffness_N_mm2)
         assert stiffness is not None  # noqa: S101
         assert toughness is not None  # noqa: S101
-        return with_own(
-            Bed(
-                from_mm=first,
-                to_mm=last,
-                strands=480 if self.strands is None else self.strands,
-                stiffness=stiffness,
-                toughness=toughness,
-                stations=None if self.stations_mm is None else tuple(map(float, self.stations_mm)),
-                patches=patches,
-                seed=self.seed,
-            ),
-            own,
+        return Bed(
+            from_mm=first,
+            to_mm=last,
+            strands=480 if self.strands is None else self.strands,
+            stiffness=stiffness,
+            toughness=toughness,
+            stations=None if self.stations_mm is None else tuple(map(float, self.stations_mm)),
+            patches=patches,
+            seed=self.seed,
+            **own,
         )
 
 
@@ -254,13 +255,12 @@ class JoinTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     at_mm: Number | Literal["begin", "end"]
     stiff: Number = 1.0
 
-    def station(self, to: SpaceBeam | float) -> float:
-        """Return the place on the tube that is joined, mm."""
-        span = to.span if isinstance(to, SpaceBeam) else to
+    def station(self, span: float) -> float:
+        """Return the place on the tube that is joined, which is so long, mm."""
         if self.at_mm == "begin":
             return 0.0
         at = span if self.at_mm == "end" else finite(self.at_mm, "at_mm of [[join]]", "mm")
-        return span if span < at <= span * (1.0 + JUST_BEYOND) else at
+        return span if at > span and not beyond(at, span) else at
 
 
 class LayerTable(BedTable, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -288,7 +288,7 @@ class StrandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     part_mm: Number | None = None
     two_sided: bool = False
 
-    def made(self, beam: SpaceBeam, number: int) -> Strands:
+    def build(self, beam: SpaceBeam, number: int) -> Strands:
         """Return the strand as a row of one."""
         name = f"[[strand]] {number}"
         at = finite(self.at_mm, f"at_mm of {name}", "mm")
@@ -352,7 +352,7 @@ class HandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     until_step: int | None = None
     tube: str | None = None
 
-    def made(self) -> Hand:
+    def build(self) -> Hand:
         """Return the hand."""
         if (self.path_mm is None) == (self.path_N is None):
             raise ValueError("[[hand]] needs either path_mm or path_N")
@@ -383,7 +383,7 @@ class RodTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     steps: Steps = 100
     from_step: int = 0
 
-    def made(self) -> Rod:
+    def build(self) -> Rod:
         """Return the rod."""
         x, y, z = self.shaft
         return Rod(
@@ -421,168 +421,18 @@ class TimeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         }
 
 
-class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A beam on a bed, or tubes that join, and the hands that pull them."""
-
-    beam: BeamTable | None = None
-    bed: BedTable | list[BedTable] | None = None
-    strand: list[StrandTable] = []
-    hand: list[HandTable] = []
-    rod: list[RodTable] = []
-    tube: list[TubeTable] = []
-    join: list[JoinTable] = []
-    layer: list[LayerTable] = []
-    time: TimeTable | None = None  # no time goes by without it
-
-    def played(self) -> History:
-        """Move the hands along their paths."""
-        if not self.hand and not self.rod:
-            raise ValueError("a scene needs a [[hand]] or a [[rod]]")
-        if self.tube:
-            return self._network_played()
-        if self.beam is None:
-            raise ValueError("a scene needs a [beam], or [[tube]] tables")
-        if self.join or self.layer or any(each.tube is not None for each in self.hand):
-            raise ValueError("[[join]], [[layer]] and a hand's tube go with [[tube]], not [beam]")
-        if "joined" in self.beam.ends:
-            raise ValueError("an end that is joined goes with [[tube]] and [[join]]")
-        span = self.beam.axis_length()
-        hands = [_on_axis(each, "at_mm", span).made() for each in self.hand]
-        beam = self.beam.made([hand.at for hand in hands])
-        tables = self.bed if isinstance(self.bed, list) else [] if self.bed is None else [self.bed]
-        beds = [_on_axis(table, "to_mm", span).made(beam) for table in tables]
-        strands = [bed.strands_under(beam) for bed in beds]
-        strands += [
-            _on_axis(each, "at_mm", span).made(beam, i + 1) for i, each in enumerate(self.strand)
-        ]
-        return pull(
-            beam,
-            Strands.joined(strands),
-            hands,
-            rods=[each.made() for each in self.rod],
-            plane=self.beam.plane,
-            floor=np.sum([bed.floor_under(beam) for bed in beds], axis=0) if beds else None,
-            **self._timed,
-        )
-
-    @property
-    def _timed(self) -> dict[str, Any]:
-        if self.time is None:
-            return {}
-        each = [(table.from_step, table.steps) for table in (*self.hand, *self.rod)]
-        steps = max(a + (sum(b) if isinstance(b, list) else b) for a, b in each)
-        return self.time.settings(steps)
-
-    def _network_played(self) -> History:
-        """Move the hands along their paths at tubes that join."""
-        if self.beam is not None or self.bed is not None or self.strand:
-            raise ValueError("[[tube]] has [[layer]] tables, and no [beam], [bed] or [[strand]]")
-        tubes: dict[str, SpaceBeam] = {}
-        for table in self.tube:
-            if table.name in tubes:
-                raise ValueError(f"there are two tubes {table.name!r}")
-            tubes[table.name] = self._tube(table, tubes)
-        for number, each in enumerate(self.join):
-            if each.tube not in tubes:
-                raise ValueError(f"[[join]] {number + 1}: there is no tube {each.tube!r}")
-        joins = [
-            Join(each.tube, each.end, each.to, each.station(tubes[each.to]), float(each.stiff))
-            for each in self.join
-        ]
-        network = Network(tubes, joins)
-        floor = {name: np.zeros(beam.stations.size) for name, beam in tubes.items()}
-        strands: list[Strands] = []
-        for number, layer in enumerate(self.layer):
-            for name in (layer.tube, layer.to):
-                if name not in tubes and not (name == "bed" and name == layer.to):
-                    raise ValueError(f"[[layer]] {number + 1}: there is no tube {name!r}")
-            beam = tubes[layer.tube]
-            bed = _on_axis(layer, "to_mm", beam.span).made(beam)
-            if layer.to == "bed":
-                made = bed.strands_under(beam)
-                tube = np.full(made.count, list(tubes).index(layer.tube))
-                strands.append(replace(made, tubes=tube))
-                floor[layer.tube] += bed.floor_under(beam)
-            else:
-                reach = math.inf if layer.reach_mm is None else float(layer.reach_mm)
-                strands.append(
-                    bed.strands_between(network, layer.tube, layer.to, reach=reach, side=layer.side)
-                )
-        hands = [
-            _on_axis(each, "at_mm", tubes[each.tube or next(iter(tubes))].span)
-            if each.tube is None or each.tube in tubes
-            else each
-            for each in self.hand
-        ]
-        return pull(
-            network,
-            Strands.joined(strands),
-            [hand.made() for hand in hands],
-            rods=[each.made() for each in self.rod],
-            plane=any(each.plane for each in self.tube),
-            floor=list(floor.values()),
-            strength={
-                each.name: float(each.break_stress_MPa)
-                for each in self.tube
-                if each.break_stress_MPa is not None
-            },
-            **self._timed,
-        )
-
-    def _tube(self, table: TubeTable, tubes: dict[str, SpaceBeam]) -> SpaceBeam:
-        """Return a tube as a beam whose ends are where they join, with nodes where others do."""
-        name, points = table.name, list(table.points_mm)
-        joins = [join for join in self.join if join.tube == name]
-        for end in range(2):
-            if (table.ends[end] == "joined") != any(join.end == end for join in joins):
-                raise ValueError(
-                    f"end {end} of tube {name!r} is joined in one of [[tube]] and [[join]] alone"
-                )
-        for join in joins:
-            if join.to not in tubes:
-                raise ValueError(f"tube {name!r} joins {join.to!r}, which must stand before it")
-            to = tubes[join.to]
-            node = to.places[int(np.argmin(np.abs(to.stations - join.station(to))))]
-            away = float(np.sqrt(((node - points[-join.end]) ** 2).sum()))
-            if away > MEETS_MM:
-                raise ValueError(
-                    f"end {join.end} of tube {name!r} is {away:.3g} mm away from {join.to!r}"
-                )
-            points[-join.end] = (float(node[0]), float(node[1]), float(node[2]))
-        whole = msgspec.structs.replace(table, axis_mm=points)
-        length = whole.axis_length() or 0.0
-        own = {join.station(length) for join in self.join if join.to == name}
-        first = self.tube[0].name
-        own |= {
-            float(min(hand.at_mm, length))
-            for hand in self.hand
-            if (hand.tube or first) == name and hand.at_mm <= length * (1.0 + JUST_BEYOND)
-        }
-        return whole.made(sorted(at for at in own if 0.0 < at < length))
+def beyond(place: float, length: float) -> bool:
+    """Return whether a place is beyond an axis's end by more than its length is written with."""
+    return place > length * (1.0 + JUST_BEYOND)
 
 
-def read_scene(path: Path) -> PeelScene:
-    """Return the scene in a file."""
-    content = read_bounded(path, MOST_BYTES, "scene")
-    return decoded(msgspec.toml.decode, content, PeelScene, str(path))
-
-
-def with_own(bed: Bed, own: dict[str, float]) -> Bed:
-    """Return a bed with some of its numbers replaced."""
-    return replace(bed, **own)  # pyright: ignore[reportArgumentType]
-
-
-def _on_axis(table: TableT, field: str, length: float | None) -> TableT:
+def on_axis(table: TableT, field: str, length: float | None) -> TableT:
     """Return a table whose place is the end of a curved axis where it is just beyond it."""
     # Who writes an arc's length knows it without its spline's last digits.
     place = getattr(table, field)
-    if length is None or place is None or not length < place <= length * (1.0 + JUST_BEYOND):
+    if length is None or place is None or place <= length or beyond(place, length):
         return table
     return msgspec.structs.replace(table, **{field: length})
-
-
-def _radians(degrees: Number | None) -> float | None:
-    return None if degrees is None else math.radians(degrees)
 
 
 def _steps(steps: Steps) -> int | tuple[int, ...]:
