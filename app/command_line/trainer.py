@@ -37,6 +37,7 @@ def trainer(
         typer.Option(
             help="What the page opens on: calot, Calot's triangle through a laparoscope, bed, a "
             "duct in its bed, or free, one without.",
+            show_default="calot; bed with an organ, a preset, a device or a policy",
         ),
     ] = None,
     anatomy: Annotated[
@@ -114,6 +115,8 @@ def trainer(
         if "calot" in {scene, of} and scene not in {None, of}:
             raise ValueError(f"--replay {replay}: this run needs --scene {of}")
         scene = scene or of
+    if scene is None and not any((options["organ"], options["preset"], haptics, policy)):
+        scene = "calot"
 
     def start() -> "Trainer":
         return served.start(
