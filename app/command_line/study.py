@@ -69,7 +69,7 @@ def run(
     need("pyarrow", "scipy")
     chosen = read_plan(plan)
     started = time.perf_counter()
-    with progress_bar("ducts", time_left=True) as progress:
+    with progress_bar("rows", time_left=True) as progress:
         done = run_study(
             chosen,
             output,
@@ -87,10 +87,11 @@ def run(
         "results": str(output / "results.parquet"),
     }
     kept = done.rows - done.solved
-    rate = f", {done.solved / max(seconds, 1e-9):,.0f} ducts a second"
+    what = "cases" if chosen.has_anatomy else "ducts"
+    rate = f", {done.solved / max(seconds, 1e-9):,.3g} {what} a second"
     lines = [
-        ("ducts", f"{done.rows:,}" + (f", {kept:,} of them from before" if kept else "")),
-        ("faults", f"{done.faults:,} ducts could not be solved" if done.faults else "none"),
+        (what, f"{done.rows:,}" + (f", {kept:,} of them from before" if kept else "")),
+        ("faults", f"{done.faults:,} {what} could not be solved" if done.faults else "none"),
         ("time", f"{seconds:.1f} s" + rate if done.solved else "none was left to solve"),
         ("results", result["results"]),
     ]

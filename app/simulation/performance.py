@@ -17,6 +17,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.inputs import Instrument
 from app.simulation.safety import CriticalView, Safety, Tenting
 from app.simulation.session import Session
+from app.simulation.spatial_tissue import Event
 
 __all__ = ["Performance", "Script", "Step", "performed", "read_script"]
 
@@ -88,6 +89,8 @@ class Performance:
     freed_mm: dict[str, float] = field(default_factory=dict[str, float])
     tenting: Tenting | None = None  # where the common duct was drawn out farthest
     trap: bool = False  # whether it ever stood in one line with the cystic duct
+    tear: Event | None = None  # the first
+    tear_force: float = 0.0  # N, the largest of a hand, a tick before it
 
 
 def read_script(path: Path) -> Script:
@@ -298,8 +301,12 @@ class _Hands:
 
     def _tick(self, step: Step) -> bool:
         """Advance by a tick; return whether the step is to go no farther."""
+        before = self.tissue.forces
         self.session.advance()
         self._ticks += 1
+        if self.out.tear is None and self.tissue.events:
+            self.out.tear = next((e for e in self.tissue.events if e.kind == "tear"), None)
+            self.out.tear_force = math.sqrt(float((before**2).sum(axis=1).max()))
         if self._ticks * TICK_SECONDS > MOST_SECONDS:
             raise ValueError(f"the script takes more than {MOST_SECONDS:g} s")
         if self._ticks % LOOK_TICKS == 0:

@@ -2,12 +2,13 @@
 
 What a block is follows from the plan alone, so that results are the same to the bit whatever the
 number of workers. A block is thousands of ducts by a closed form, hundreds by compiled code, one
-on a bed: some tenths of a second of work, beside which handing it over costs nothing; of a long
-study up to four times as many. This process writes what comes back, and joins what is there in
-order meanwhile; blocks that are written are not solved again.
+on a bed or one anatomy: some tenths of a second of work, beside which handing it over costs
+nothing; of a long study up to four times as many. This process writes what comes back, and joins
+what is there in order meanwhile; blocks that are written are not solved again.
 """
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -47,7 +48,11 @@ class Ensemble:
         """Draws in a short block."""
         plan = self.plan
         theories = plan.values_of("theory") or ("exact",)
-        rows = 1 if plan.has_bed else min(ROWS_OF_BLOCK[str(each)] for each in theories)
+        rows = (
+            1
+            if plan.has_bed or plan.has_anatomy
+            else min(ROWS_OF_BLOCK[str(each)] for each in theories)
+        )
         if "organ" in {*plan.fixed, *plan.varied} and "exact" in theories:
             rows = min(rows, ROWS_OF_ORGANS)
         return max(1, rows // (plan.mixes * plan.cells))
@@ -55,7 +60,7 @@ class Ensemble:
     @property
     def length(self) -> int:
         """How many short blocks make one."""
-        if self.plan.has_bed:
+        if self.plan.has_bed or self.plan.has_anatomy:
             return 1
         return min(max(self.plan.samples // (self._short * SHORT_BLOCKS), 1), LONGEST)
 
@@ -114,7 +119,12 @@ class Ensemble:
             stride //= len(values)
             discrete(name, values, np.arange(rows) % cells // stride % len(values))
         block_of = Block(rows, numbers, words)
-        if plan.has_bed:
+        outputs: Mapping[str, Any]
+        if plan.has_anatomy:
+            from app.study.anatomies import solve_anatomies
+
+            outputs, faults = solve_anatomies(plan, block_of, plan.seed + draw)
+        elif plan.has_bed:
             from app.study.beds import solve_beds
 
             outputs, faults = solve_beds(plan, block_of)

@@ -4,10 +4,20 @@ from dataclasses import dataclass
 
 from app.simulation import LIMITS
 
-__all__ = ["BED", "BED_INPUTS", "DUCT_INPUTS", "INPUTS", "Input"]
+__all__ = [
+    "ANATOMY",
+    "ANATOMY_INPUTS",
+    "BED",
+    "BED_INPUTS",
+    "DUCT_INPUTS",
+    "INPUTS",
+    "Input",
+]
 
 BED = "bed."
 """Prefix of the inputs of a bed."""
+ANATOMY = "anatomy."
+"""Prefix of the inputs of an anatomy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,4 +94,21 @@ BED_INPUTS: dict[str, Input] = {
 }
 """Of the bed, and of the hook that lifts the duct off it."""
 
-INPUTS = DUCT_INPUTS | BED_INPUTS
+ANATOMY_INPUTS: dict[str, Input] = {
+    "anatomy.name": Input(),
+    "anatomy.script": Input(),
+    "anatomy.tube": Input(),
+    "anatomy.at_mm": Input("mm", 0.0, 1e3),
+    "anatomy.pull_mm": Input("mm", 1e-2, 500.0),
+    "anatomy.azimuth_deg": Input("deg", -360.0, 360.0),
+    "anatomy.elevation_deg": Input("deg", -90.0, 90.0),
+    "anatomy.speed_mm_s": Input("mm/s", 0.1, 1e3),
+    "anatomy.modulus_factor": Input("", 1e-2, 1e2),
+    "anatomy.strength_factor": Input("", 1e-2, 1e2),
+    "anatomy.toughness_factor": Input("", 1e-2, 1e2),
+    "anatomy.artery_strength_MPa": Input("MPa", 1e-3, 1e3),
+    "anatomy.duct_strength_MPa": Input("MPa", 1e-3, 1e3),
+}
+"""Of several tubes, and of the script or the pull that they are put to."""
+
+INPUTS = DUCT_INPUTS | BED_INPUTS | ANATOMY_INPUTS

@@ -11,11 +11,22 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
+import msgspec
+
+from app.anatomy import Anatomy, anatomy_named, drawn_anatomy, read_anatomy, shipped_anatomies
 from app.bounded_file import read_bounded
-from app.simulation import Preset, preset_named, presets, read_preset
+from app.simulation import Preset, Script, preset_named, presets, read_preset, read_script
 from app.study.correlation import Correlation, copula_factor
 from app.study.distribution import Choices, Distribution, distribution_of
-from app.study.inputs import BED, BED_INPUTS, DUCT_INPUTS, INPUTS, Input
+from app.study.inputs import (
+    ANATOMY,
+    ANATOMY_INPUTS,
+    BED,
+    BED_INPUTS,
+    DUCT_INPUTS,
+    INPUTS,
+    Input,
+)
 from organ_geometry import Organ, organ_from_bytes
 
 __all__ = ["Plan", "Sampling", "Value", "read_plan"]
@@ -26,8 +37,13 @@ Sampling = Literal["sobol", "latin-hypercube"]
 SAMPLINGS: tuple[Sampling, ...] = ("sobol", "latin-hypercube")
 MOST_SAMPLES, MOST_CELLS, MOST_INPUTS = 10_000_000, 10_000, 50
 MOST_BYTES = 1_000_000
+MOST_CASE = 2**31
+"""Seeds of anatomies are below."""
+PULL = ("tube", "at_mm", "pull_mm")
+"""What a pull at an anatomy needs."""
 TOP = {
-    "title", "samples", "sampling", "indices", "seed", "duct", "bed", "inputs", "correlation",
+    "title", "samples", "sampling", "indices", "seed", "duct", "bed", "anatomy", "inputs",
+    "correlation",
 }  # fmt: skip
 
 
@@ -45,7 +61,8 @@ class Plan:
     fixed: Mapping[str, Value]
     drawn: Mapping[str, Distribution | Choices]
     grid: Mapping[str, tuple[Value, ...]]
-    files: Mapping[str, bytes]  # contents of the organ and preset files that it names
+    # contents of the organ and preset files that it names; anatomies and scripts as JSON
+    files: Mapping[str, bytes]
     correlations: tuple[Correlation, ...] = ()  # of inputs that are drawn
 
     @property
@@ -73,6 +90,11 @@ class Plan:
         """Whether ducts are lifted off a bed instead of being pulled free."""
         return any(name.startswith(BED) for name in (*self.fixed, *self.varied))
 
+    @property
+    def has_anatomy(self) -> bool:
+        """Whether several tubes are put to a pull or a script instead of a duct."""
+        return any(name.startswith(ANATOMY) for name in (*self.fixed, *self.varied))
+
     def values_of(self, name: str) -> tuple[Value, ...]:
         """Return the discrete values that an input takes, none if it has none."""
         drawn = self.drawn.get(name)
@@ -89,6 +111,20 @@ class Plan:
     def preset(self, name: str) -> Preset:
         """Return a preset that the plan names."""
         return preset_named(name) if name in presets() else _preset(self.files[name], name)
+
+    def anatomy(self, name: str | None, seed: int) -> Anatomy:
+        """Return an anatomy that is named, its strands by a seed; the case of the seed for None."""
+        if name is None:
+            return drawn_anatomy(seed)
+        if name in shipped_anatomies():
+            found = anatomy_named(name)
+        else:
+            found = msgspec.json.decode(self.files[name], type=Anatomy)
+        return msgspec.structs.replace(found, seed=seed)
+
+    def script(self, name: str) -> Script:
+        """Return a script that the plan names."""
+        return msgspec.json.decode(self.files[name], type=Script)
 
 
 @lru_cache(maxsize=64)
@@ -142,8 +178,11 @@ def _plan(table: dict[str, object], text: str, lines: _Lines, folder: Path | Non
         if key not in TOP:
             raise lines.wrong(key, f"is not known; a plan has {', '.join(sorted(TOP))}")
     fixed: dict[str, Value] = {}
-    for section, inputs in (("duct", DUCT_INPUTS), ("bed", BED_INPUTS)):
-        prefix = BED if section == "bed" else ""
+    for section, inputs, prefix in (
+        ("duct", DUCT_INPUTS, ""),
+        ("bed", BED_INPUTS, BED),
+        ("anatomy", ANATOMY_INPUTS, ANATOMY),
+    ):
         for key, value in _table(table.get(section, {}), section, lines).items():
             place = f"{section}.{key}"
             fixed[prefix + key] = _checked(inputs, prefix + key, value, place, lines)
@@ -169,12 +208,14 @@ def _plan(table: dict[str, object], text: str, lines: _Lines, folder: Path | Non
     title = table.get("title", "A study of ducts")
     if not isinstance(title, str) or len(title) > 200:
         raise lines.wrong("title", "must be a line of at most 200 characters in quotes")
-    if drawn and "samples" not in table:
-        raise lines.wrong("samples", "is missing: how many draws of the inputs")
+    cases = any(name.startswith(ANATOMY) for name in (*fixed, *drawn, *grid))
+    if (drawn or cases) and "samples" not in table:
+        of = "anatomies" if cases else "the inputs"
+        raise lines.wrong("samples", f"is missing: how many draws of {of}")
     plan = Plan(
         text=text,
         title=title,
-        samples=_whole(table, "samples", 1, MOST_SAMPLES, lines) if drawn else 1,
+        samples=_whole(table, "samples", 1, MOST_SAMPLES, lines) if drawn or cases else 1,
         sampling=sampling,
         indices=indices,
         seed=_whole(table, "seed", 0, 2**63, lines),
@@ -199,10 +240,12 @@ def _table(value: object, key: str, lines: _Lines) -> dict[str, object]:
 
 
 def _varied(table: dict[str, object], lines: _Lines) -> dict[str, object]:
-    """Return the inputs by name: those of a bed stand in a table of their own."""
+    """Return the inputs by name: those of a bed and of an anatomy stand in tables of their own."""
     found = dict(table)
-    bed = _table(found.pop("bed", {}), "inputs.bed", lines)
-    return found | {f"{BED}{key}": value for key, value in bed.items()}
+    for section in ("bed", "anatomy"):
+        own = _table(found.pop(section, {}), f"inputs.{section}", lines)
+        found |= {f"{section}.{key}": value for key, value in own.items()}
+    return found
 
 
 def _correlations(
@@ -249,7 +292,7 @@ def _checked(
     inputs: dict[str, Input], name: str, value: object, place: str, lines: _Lines
 ) -> Value:
     if name not in inputs:
-        known = ", ".join(each.removeprefix(BED) for each in inputs)
+        known = ", ".join(each.rpartition(".")[2] for each in inputs)
         raise lines.wrong(place, f"is not known; there are {known}")
     try:
         inputs[name].check(value)
@@ -337,6 +380,19 @@ def _files(plan: Plan, folder: Path, lines: _Lines) -> dict[str, bytes]:
             except OSError as error:
                 reason = (error.strerror or str(error)).lower()
                 raise lines.wrong(place, f"cannot be read: {folder / text}: {reason}") from None
+    for name, read in (("anatomy.name", read_anatomy), ("anatomy.script", read_script)):
+        for text in map(str, plan.values_of(name)):
+            if name == "anatomy.name" and text in shipped_anatomies():
+                continue
+            if name == "anatomy.name" and not text.lower().endswith(".toml"):
+                known = ", ".join(shipped_anatomies())
+                raise lines.wrong(
+                    _place(plan, name), f"must be one of {known}, or a .toml file, got {text!r}"
+                )
+            try:
+                found[text] = msgspec.json.encode(read(folder / text))
+            except ValueError as error:
+                raise lines.wrong(_place(plan, name), f"cannot be read: {error}") from None
     return found
 
 
@@ -349,7 +405,9 @@ def _check_whole(plan: Plan, lines: _Lines) -> None:
             late = both[1] if both[1] not in plan.fixed else both[0]
             raise lines.wrong(_place(plan, late), f"goes not with {both[0]}, {both[1]}: {why}")
 
-    if not plan.varied:
+    if plan.has_anatomy:
+        _check_anatomy(plan, given, lines)
+    elif not plan.varied:
         raise lines.wrong("inputs", "is missing: nothing is varied")
     if len(plan.varied) > MOST_INPUTS:
         raise lines.wrong("inputs", f"has {len(plan.varied)} inputs, at most {MOST_INPUTS}")
@@ -385,8 +443,35 @@ def _check_whole(plan: Plan, lines: _Lines) -> None:
             raise lines.wrong("bed.hold_s", "goes with bed.step_s, the time that a step takes, s")
 
 
+def _check_anatomy(plan: Plan, given: set[str], lines: _Lines) -> None:
+    """Raise where what is given of an anatomy does not go together."""
+    for name in sorted(given):
+        if not name.startswith(ANATOMY):
+            why = "goes not with [anatomy], whose tubes and layers have all of their own"
+            raise lines.wrong(_place(plan, name), why)
+    if plan.indices:
+        raise lines.wrong(
+            "indices", "goes not with [anatomy]: each draw is a case or has strands of its own"
+        )
+    pull = [name for name in PULL if ANATOMY + name in given]
+    if ("anatomy.script" in given) == bool(pull) or len(pull) not in (0, len(PULL)):
+        raise lines.wrong("anatomy", f"needs either script, or all of {', '.join(PULL)}")
+    for name in ("azimuth_deg", "elevation_deg", "speed_mm_s"):
+        if not pull and ANATOMY + name in given:
+            raise lines.wrong(_place(plan, ANATOMY + name), "goes with a pull, not with a script")
+    if plan.seed + plan.samples > MOST_CASE:
+        raise lines.wrong("seed", f"and samples must be below {MOST_CASE:,} together")
+
+
 def _check_files(plan: Plan, lines: _Lines) -> None:
     """Raise unless the presets and organs are such."""
+    anatomies = [str(each) for each in plan.values_of("anatomy.name")]
+    for tube in map(str, plan.values_of("anatomy.tube")):
+        for name in anatomies or [None]:
+            known = [each.name for each in plan.anatomy(name, plan.seed).tube]
+            if tube not in known:
+                of = f"there is no tube {tube!r} in {name or 'the first case'}"
+                raise lines.wrong(_place(plan, "anatomy.tube"), f"{of}: {', '.join(known)}")
     for kind, found in (("preset", plan.preset), ("organ", plan.organ)):
         for name in plan.values_of(kind):
             try:
@@ -399,4 +484,4 @@ def _place(plan: Plan, name: str) -> str:
     """Return the key of an input in the plan's file."""
     if name not in plan.fixed:
         return f"inputs.{name}"
-    return name if name.startswith(BED) else f"duct.{name}"
+    return name if name.startswith((BED, ANATOMY)) else f"duct.{name}"

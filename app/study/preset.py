@@ -22,6 +22,8 @@ def preset_of_results(folder: Path) -> Preset:
     results = ResultsFolder(folder)
     results.about()
     plan = read_plan(folder / "plan.toml", files=False)
+    if plan.has_anatomy:
+        raise ValueError(f"{folder}: a preset is made of a study of ducts, not of anatomies")
     names = [str(each) for each in plan.values_of("preset")] or [THESIS_PRESET]
     if len(names) > 1 or names[0] not in presets():
         raise ValueError(

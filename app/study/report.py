@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from app.study.anatomies import FIRST_TORN
 from app.study.distribution import Choices
 from app.study.plan import Plan, read_plan
 from app.study.results import ResultsFolder, unit_of
@@ -40,6 +41,9 @@ MOST_CELLS = 8
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")
 """Okabe and Ito's, which colour-blind readers tell apart."""
 LOADS = {"break_force_N": "force, N", "break_deflection_mm": "deflection, mm"}
+UNITS = {"break_force_N": "N", "break_deflection_mm": "mm"}
+NOTHING = "nothing"
+"""In the place of a tube, where none tears."""
 EXPLAINED = (*LOADS, "distance_to_break", "largest_force_N", "least_distance_to_break")
 WORDS = {
     "break_force_N": "force at break",
@@ -122,13 +126,15 @@ def write_report(folder: Path) -> dict[str, Any]:
     for label, which in cells:
         here = which & independent & ~columns["faulty"]
         cell: dict[str, Any] = {"cell": label, "ducts": int(here.sum())}
-        for name in LOADS:
+        for name in (each for each in LOADS if each in columns):
             curve = TearCurve(columns[name][here])
             curves[name].append((label, curve))
             cell[name] = _tear_figures(curve)
         for name in EXPLAINED[2:]:
             if name in columns:
                 cell[name] = _quantiles(columns[name][here])
+        if FIRST_TORN in columns:
+            cell[FIRST_TORN] = _first_torn(columns[FIRST_TORN][here])
         if "distance_to_break" in columns:
             # Ducts that cannot bear the load at all have no distance: they are faults.
             values = columns["distance_to_break"][here]
@@ -169,7 +175,8 @@ def _columns(results: ResultsFolder, plan: Plan) -> dict[str, Any]:
     import pyarrow.parquet as pq
 
     names = pq.read_schema(results.table).names
-    wanted = [each for each in ("draw", "mix", *plan.grid, *EXPLAINED, "fault") if each in names]
+    of_all = ("draw", "mix", *plan.grid, *EXPLAINED, FIRST_TORN, "fault")
+    wanted = [each for each in of_all if each in names]
     parts: dict[str, list[Any]] = {name: [] for name in wanted}
     for batch in results.batches(wanted):
         for name in wanted:
@@ -227,6 +234,21 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def _first_torn(tubes: NDArray[np.object_]) -> dict[str, Any]:
+    """Return how often each tube tears first, the most frequent one first."""
+    named = [NOTHING if each is None else str(each) for each in tubes]
+    found: dict[str, Any] = {}
+    for tube in sorted(set(named), key=lambda each: (-named.count(each), each)):
+        count = named.count(tube)
+        low, high = wilson(np.array([count]), len(named))
+        found[tube] = {
+            "count": count,
+            "probability": count / len(named),
+            "band_95": [float(low[0]), float(high[0])],
+        }
+    return found
+
+
 def _tear_figures(curve: TearCurve) -> dict[str, Any]:
     return {
         "broke": curve.broke,
@@ -282,19 +304,30 @@ def _summary(
 ) -> list[str]:
     """Say what comes of it in a few plain sentences."""
     lines: list[str] = []
+    one = "case" if plan.has_anatomy else "duct"
     for cell in report["cells"][:MOST_CELLS]:
         where = f"{cell['cell']}: " if cell["cell"] else ""
-        for name, unit in (("break_force_N", "N"), ("break_deflection_mm", "mm")):
+        for tube, found in cell.get(FIRST_TORN, {}).items():
+            low, high = found["band_95"]
+            lines.append(
+                f"{where}{tube} tears{' first' * (tube != NOTHING)} in "
+                f"{100 * found['probability']:.1f} % of cases ({100 * low:.1f} to "
+                f"{100 * high:.1f} %)."
+            )
+        for name in (each for each in UNITS if each in cell):
+            unit = UNITS[name]
             at = cell[name]["torn_at"]
             few, half = at["0.05"]["load"], at["0.5"]["load"]
             if half is None:
                 share = cell[name]["broke"] / max(cell["ducts"], 1)
-                lines.append(f"{where}{100.0 * share:.1f} % of ducts break at all ({WORDS[name]}).")
+                lines.append(
+                    f"{where}{100.0 * share:.1f} % of {one}s break at all ({WORDS[name]})."
+                )
                 continue
             most = at["0.95"]["load"]
             up_to = f", 19 in 20 at {most:.4g} {unit}" if most is not None else ""
             lines.append(
-                f"{where}1 duct in 20 is torn at {few:.4g} {unit}, "
+                f"{where}1 {one} in 20 is torn at {few:.4g} {unit}, "
                 f"half at {half:.4g} {unit}{up_to}."
             )
         if "torn_under_load" in cell:
@@ -321,12 +354,12 @@ def _summary(
                 f"{where}less than 5 % of it hangs on {', '.join(idle)}: measuring that better "
                 "would change next to nothing."
             )
-    if not plan.indices and plan.drawn:
+    if not plan.indices and plan.drawn and not plan.has_anatomy:
         lines.append(
             "The plan has no `indices = true`: what each input explains is not known from it."
         )
     if report["faults"]:
-        lines.append(f"{report['faults']:,} of {report['ducts']:,} ducts could not be solved.")
+        lines.append(f"{report['faults']:,} of {report['ducts']:,} {one}s could not be solved.")
     return lines
 
 
@@ -358,7 +391,7 @@ def _page(
     page = files("app.study").joinpath("report.html").read_text(encoding="utf-8")
     return page.format(
         title=html.escape(plan.title),
-        ducts=f"{report['ducts']:,}",
+        ducts=f"{report['ducts']:,} {'cases' if plan.has_anatomy else 'ducts'}",
         independent=f"{report['independent']:,}",
         summary=summary,
         figures="".join(figures),
@@ -373,8 +406,8 @@ def _page(
 def _cell_table(cell: dict[str, Any]) -> str:
     head = "".join(f'<th class="n">{100 * share:g} %</th>' for share in SHARES)
     rows = ""
-    for name, unit in (("break_force_N", "N"), ("break_deflection_mm", "mm")):
-        at = cell[name]["torn_at"]
+    for name in (each for each in UNITS if each in cell):
+        unit, at = UNITS[name], cell[name]["torn_at"]
         values = ""
         for share in SHARES:
             load, (low, high) = at[f"{share:g}"]["load"], at[f"{share:g}"]["band_95"]
@@ -383,6 +416,18 @@ def _cell_table(cell: dict[str, Any]) -> str:
             values += f'<td class="n" title="95 %: {band}">{_number(load)}</td>'
         rows += f"<tr><td>{WORDS[name]}, {unit}</td>{values}</tr>"
     title = f"<h3>{html.escape(cell['cell'])}</h3>" if cell["cell"] else ""
+    if FIRST_TORN in cell:
+        torn = "".join(
+            f'<tr><td>{html.escape(tube)}</td><td class="n">{found["count"]}</td>'
+            f'<td class="n">{100 * found["probability"]:.1f} %</td>'
+            f'<td class="n">{100 * found["band_95"][0]:.1f} to {100 * found["band_95"][1]:.1f} %'
+            "</td></tr>"
+            for tube, found in cell[FIRST_TORN].items()
+        )
+        title += (
+            '<table><tr><th>tears first</th><th class="n">cases</th><th class="n">share</th>'
+            f'<th class="n">95 %</th></tr>{torn}</table>'
+        )
     return f"{title}<table><tr><th>share torn</th>{head}</tr>{rows}</table>"
 
 

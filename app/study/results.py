@@ -30,7 +30,7 @@ from organ_geometry import make_folder, write_atomic
 
 __all__ = ["ResultsFolder", "packed", "study_versions", "unit_of"]
 
-UNITS = ("MPa", "N", "mm", "mJ")
+UNITS = ("MPa", "N", "mm", "mJ", "ml", "s")
 """Of outputs, whose names end in them."""
 KEY = b"bluntdissect"
 """Of the metadata of a results file: JSON with `plan`, `versions` and `seed`."""
@@ -53,20 +53,18 @@ def packed(
     draw: NDArray[np.int64],
     mix: NDArray[np.int16],
     inputs: Mapping[str, Any],
-    outputs: Mapping[str, NDArray[np.float64]],
+    outputs: Mapping[str, Any],
     faults: list[str],
 ) -> bytes:
-    """Return a block as a Parquet file; nan becomes null."""
+    """Return a block as a Parquet file; nan, and an index of words below 0, become null."""
     columns: dict[str, pa.Array] = {"draw": pa.array(draw), "mix": pa.array(mix)}
-    for name, row in inputs.items():
+    for name, row in [*inputs.items(), *outputs.items()]:
         if isinstance(row, tuple):
             words, at = row
-            indices = pa.array(at.astype(np.int32))
-            columns[name] = pa.DictionaryArray.from_arrays(indices, pa.array(words))
+            indices = pa.array(at.astype(np.int32), mask=at < 0)
+            columns[name] = pa.DictionaryArray.from_arrays(indices, pa.array(words, pa.string()))
         else:
-            columns[name] = pa.array(row)
-    for name, row in outputs.items():
-        columns[name] = pa.array(row, from_pandas=True)
+            columns[name] = pa.array(row, from_pandas=name in outputs)
     named = pa.array([each or None for each in faults], pa.string())
     columns["fault"] = named.dictionary_encode()
     fields = [

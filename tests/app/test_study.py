@@ -462,3 +462,105 @@ def test_a_duct_that_cannot_be_is_a_fault_and_not_the_end(tmp_path: Path) -> Non
     assert (done["rows"], done["faults"]) == (16, 8)
     faults = pq.read_table(tmp_path / "r" / "results.parquet")["fault"].to_pylist()
     assert faults[1] == "a grasp at 60 mm is not between clamps 50.8 mm apart"
+
+
+CASES = """
+samples = 3
+seed = {seed}
+
+[anatomy]
+{given}
+
+[inputs.anatomy.artery_strength_MPa]
+{strength}
+"""
+PULL = 'tube = "gallbladder"\nat_mm = 8.0\npull_mm = 12.0\nazimuth_deg = 75.0\nelevation_deg = 40.0'
+FEEBLE = "grid = [0.1, 100.0]"
+
+
+def cases(folder: Path, given: str = PULL, strength: str = FEEBLE, seed: int = 11) -> Path:
+    path = folder / "cases.toml"
+    path.write_text(CASES.format(given=given, strength=strength, seed=seed))
+    return path
+
+
+def test_a_study_of_anatomies_says_what_tears_first_and_goes_on_where_it_was(
+    tmp_path: Path,
+) -> None:
+    """Feeble arteries tear first and at once, and strong ones never; each case by its own seed."""
+    plan = read_plan(cases(tmp_path))
+    run_study(plan, tmp_path / "whole", workers=1)
+    run("study", "report", tmp_path / "whole")
+    table = pq.read_table(tmp_path / "whole" / "results.parquet")
+    rows = table.to_pylist()
+    assert [row["case"] for row in rows] == [11, 11, 12, 12, 13, 13]
+    assert not any(row["fault"] for row in rows)
+    for feeble, strong in zip(rows[::2], rows[1::2], strict=True):
+        assert feeble["first_torn"] in ("artery", "artery2", "rha")
+        assert feeble["lost_blood_ml"] > 0.0
+        assert feeble["critical_view"] == 0
+        assert strong["first_torn"] not in ("artery", "artery2", "rha")
+        assert not strong["lost_blood_ml"]
+        if strong["first_torn"] is not None:
+            assert 0.0 < feeble["break_deflection_mm"] < strong["break_deflection_mm"] <= 12.0
+    found = json.loads((tmp_path / "whole" / "report.json").read_text())
+    for cell, some in zip(found["cells"], (rows[::2], rows[1::2]), strict=True):
+        named = [row["first_torn"] or "nothing" for row in some]
+        first = cell["first_torn"]
+        assert {tube: each["count"] for tube, each in first.items()} == {
+            tube: named.count(tube) for tube in named
+        }
+        for each in first.values():
+            low, high = each["band_95"]
+            assert 0.0 <= low < each["count"] / 3 < high or each["count"] == 3
+    assert "tears first" in (tmp_path / "whole" / "report.html").read_text()
+    # What one draw gives is written, the rest is solved when it is started again.
+    half = tmp_path / "half"
+
+    def end(done: int, _: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_study(plan, half, workers=1, progress=end)
+    assert run_study(plan, half, workers=1).solved == 4
+    assert (half / "results.parquet").read_bytes() == (
+        tmp_path / "whole" / "results.parquet"
+    ).read_bytes()
+
+
+def test_a_script_is_put_to_an_anatomy_whose_strands_each_seed_scatters(tmp_path: Path) -> None:
+    (tmp_path / "pull.toml").write_text(
+        'step = [{ do = "take", instrument = "grasper" }, { do = "grab", tube = "cystic", at_mm = '
+        '12.0 }, { do = "lead", by_mm = [0, 0, 8] }]'
+    )
+    given = 'name = "short-cystic"\nscript = "pull.toml"'
+    plan = cases(tmp_path, given.replace("short-cystic", "normal"), 'distribution = "uniform"\n'
+                 "low = 1.0\nhigh = 2.0")  # fmt: skip
+    run_study(read_plan(plan), tmp_path / "out", workers=1)
+    rows = pq.read_table(tmp_path / "out" / "results.parquet").to_pylist()
+    assert len({row["strands_broken"] for row in rows}) == 3
+    assert all(row["fault"] is None and "break_deflection_mm" not in row for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("given", "strength", "says"),
+    [
+        ("", FEEBLE, "anatomy needs either script, or all of tube, at_mm, pull_mm"),
+        ('tube = "cystic"', FEEBLE, "needs either script, or all of tube, at_mm, pull_mm"),
+        (PULL + '\nscript = "x.toml"', FEEBLE, "anatomy.script cannot be read: "),
+        (
+            PULL.replace("gallbladder", "ureter"),
+            FEEBLE,
+            "no tube 'ureter' in the first case:",
+        ),
+        (PULL + '\nname = "usual"', FEEBLE, "must be one of normal, accessory-artery"),
+        (PULL + "\nforce_N = 1.0", FEEBLE, "anatomy.force_N is not known; there are name, script"),
+        (PULL, "grid = [0.0]", "artery_strength_MPa.grid must be from 0.001 to 1000 MPa, got 0"),
+        (PULL + "\n[duct]\nforce_N = 1.0", FEEBLE, "duct.force_N goes not with [anatomy]"),
+    ],
+)
+def test_refuses_studies_of_anatomies_that_cannot_be(
+    tmp_path: Path, given: str, strength: str, says: str
+) -> None:
+    assert says in refused(["study", cases(tmp_path, given, strength), "-o", tmp_path / "out"])
