@@ -16,6 +16,7 @@ __all__ = [
     "MOST_INPUTS",
     "MOST_TICKS",
     "VECTORS",
+    "VIEWS",
     "WITHOUT_VALUE",
     "Input",
     "InputKind",
@@ -51,10 +52,10 @@ REPLACED: frozenset[InputKind] = frozenset(
 )
 """Of these only the last between two ticks has an effect: it replaces the one before."""
 WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide"})
-VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread", "view"})
+VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread"})
 """Kinds whose value is nothing, and three numbers."""
-NUMBERS = 3  # at most, of one input
-REST = array("d", [0.0] * NUMBERS)
+VIEWS = (3, 6, 12)
+"""How many numbers a view may have."""
 
 
 class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -97,8 +98,9 @@ class Input(msgspec.Struct, frozen=True, array_like=True):
     "lift": deflection of the place that is held, mm; "force": N along the pull;
     "grasp": station at which force or deflection act, mm; "threshold": MPa; "theory": a choice;
     "aim": (3,) direction from the tip back along the shaft; "spread": (3,) direction in which jaws
-    part; "clip", "divide": None; "suck": ml/s; "view": (3,) direction towards the viewer, whichever
-    the hand.
+    part; "clip", "divide": None; "suck": ml/s; "view", whichever the hand: (3,) unit direction
+    towards the viewer, where it is known (3,) mm of the camera's place, and through a scope its six
+    numbers: pan, tilt, depth, cable, head and the optical axis's angle, rad and mm.
     """
 
     tick: int  # number of ticks done before it
@@ -112,6 +114,7 @@ class InputLog:
 
     def __init__(self) -> None:
         self._ticks, self._keys, self._values = array("L"), array("B"), array("d")
+        self._ends = array("L")  # of each one's numbers among all
         self._theories: list[Theory] = []
 
     def __len__(self) -> int:
@@ -121,15 +124,15 @@ class InputLog:
         """Append an input; it may replace one of its hand and kind just before, in its tick."""
         if kind == "theory":
             values = tuple(self._number(each) for each in cast(tuple[Theory, ...], values))
-        row = array("d", cast(tuple[float, ...], values))
-        row.extend(REST[len(values) :])
         key = len(KINDS) * hand + NUMBER_OF[kind]
         if self._ticks and self._ticks[-1] == tick and self._keys[-1] == key and kind in REPLACED:
-            self._values[-NUMBERS:] = row
-            return
+            for each in (self._ticks, self._keys, self._ends):
+                each.pop()
+            del self._values[self._ends[-1] if self._ends else 0 :]
         self._ticks.append(tick)
         self._keys.append(key)
-        self._values.extend(row)
+        self._values.extend(cast(tuple[float, ...], values))
+        self._ends.append(len(self._values))
 
     def inputs(self) -> list[Input]:
         """Return the inputs so far."""
@@ -138,18 +141,18 @@ class InputLog:
     def _input(self, i: int) -> Input:
         hand, number = divmod(self._keys[i], len(KINDS))
         kind = KINDS[number]
-        x, y, z = self._values[NUMBERS * i : NUMBERS * (i + 1)]
-        value: Value = x
+        numbers = tuple(self._values[self._ends[i - 1] if i else 0 : self._ends[i]])
+        value: Value
         if kind in WITHOUT_VALUE:
             value = None
         elif kind == "instrument":
-            value = ALL_INSTRUMENTS[int(x)]
+            value = ALL_INSTRUMENTS[int(numbers[0])]
         elif kind == "grab":
-            value = (int(x), y)
-        elif kind in VECTORS:
-            value = (x, y, z)
+            value = (int(numbers[0]), numbers[1])
         elif kind == "theory":
-            value = TheoryChoice.of(self._theories[int(x)])
+            value = TheoryChoice.of(self._theories[int(numbers[0])])
+        else:
+            value = numbers if kind in VECTORS or kind == "view" else numbers[0]
         return Input(self._ticks[i], hand, kind, value)
 
     def _number(self, theory: Theory) -> float:

@@ -18,6 +18,7 @@ from app.simulation.inputs import (
     MOST_INPUTS,
     MOST_TICKS,
     VECTORS,
+    VIEWS,
     WITHOUT_VALUE,
     Input,
     TheoryChoice,
@@ -279,6 +280,16 @@ def _check_value(each: Input, where: str) -> None:
     elif each.kind in VECTORS:
         if not _finite(value, 3):
             raise RunFileError(f"{where} must have three numbers, got {value!r}")
+    elif each.kind == "view":
+        if not (
+            isinstance(value, tuple)
+            and any(_finite(value, count) for count in VIEWS)
+            and any(value[:3])
+        ):
+            raise RunFileError(
+                f"{where} must have a direction, then a camera's place, then a scope's six numbers"
+                f", got {value!r}"
+            )
     elif each.kind == "grab":
         if (
             not isinstance(value, tuple)

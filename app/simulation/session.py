@@ -192,11 +192,10 @@ class Session:
         """Divide the tubes between scissors' blades; return whether there was one."""
         return self._act(hand, "divide") is not None
 
-    def look_from(self, towards: Sequence[float] | NDArray[np.float64]) -> None:
-        """See a duct in space from elsewhere: (3,) direction towards the viewer."""
+    def look_from(self, view: Sequence[float] | NDArray[np.float64]) -> None:
+        """See a duct in space from elsewhere: the (3,), (6,) or (12,) numbers of an `Input`."""
         # Strands that part out of sight, and stabs behind a duct, are judged by it.
-        x, y, z = map(float, towards)
-        self._act(0, "view", x, y, z)
+        self._act(0, "view", *map(float, view))
 
     def suck(self, hand: int, rate: float) -> None:
         """Take up what has been lost, ml/s; 0 stops it."""

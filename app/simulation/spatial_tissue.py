@@ -27,6 +27,7 @@ from app.simulation.inputs import (
     ALL_INSTRUMENTS,
     HOLDING,
     INSTRUMENTS,
+    VIEWS,
     Applied,
     InputKind,
     Instrument,
@@ -40,7 +41,7 @@ from app.simulation.run_file import (
     anatomy_or_name,
     strands_digest,
 )
-from app.simulation.sight import STEADY, TOWARDS_VIEWER
+from app.simulation.sight import STEADY, STEADY_MM, TOWARDS_VIEWER
 from app.simulation.specimen import Specimen
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.trocar import TROCARS
@@ -205,6 +206,8 @@ class SpatialTissue:
         usual = () if self.specimen.anatomy is None else SCOPE_INSTRUMENTS
         self._in_hand = usual if exercise is None else exercise.in_hand or usual
         self.view: Floats = TOWARDS_VIEWER  # (3,) unit vector towards the viewer
+        # what is known of it: also the camera's place, mm, and how a scope is held
+        self.pose: tuple[float, ...] = tuple(TOWARDS_VIEWER.tolist())
         self._relaxing = self.specimen.relaxing(None if opening is None else opening.relaxes)
         self._make_whole()
 
@@ -221,7 +224,7 @@ class SpatialTissue:
             if not holder.arrived
         ]
         if self.view is not TOWARDS_VIEWER:
-            under_way.append((0, ("view", tuple(self.view.tolist()))))
+            under_way.append((0, ("view", self.pose)))
         return under_way
 
     def _make_whole(self) -> None:
@@ -340,16 +343,19 @@ class SpatialTissue:
         """What its hands may have: to clip and divide only where something flows."""
         return ALL_INSTRUMENTS if self.fluids else INSTRUMENTS
 
-    def _look_from(self, towards: tuple[float, ...]) -> Applied | None:
+    def _look_from(self, values: tuple[float, ...]) -> Applied | None:
         """Let the tissue be seen from elsewhere, if that is farther than a glance away."""
+        towards, rest = values[:3], values[3:]
         size = math.sqrt(sum(each * each for each in towards))
-        if size == 0.0:
+        if len(values) not in VIEWS or size == 0.0:
             return None
-        view = np.array(towards) / size
-        if float((view * self.view).sum()) > STEADY:
+        if not math.isclose(size, 1.0, rel_tol=1e-12):  # a logged one stays as it is, to the bit
+            towards = tuple(each / size for each in towards)
+        view, pose = np.array(towards), (*towards, *rest)
+        if float((view * self.view).sum()) > STEADY and not _moved(self.pose, pose):
             return None
-        self.view = view
-        return "view", _vector(view.tolist())
+        self.view, self.pose = view, pose
+        return "view", pose
 
     def _turn(
         self, hand: int, kind: InputKind, values: tuple[float, ...], begin: Callable[[], bool]
@@ -934,6 +940,15 @@ def _lead_jaws(tip: Floats, apart: float, spread: Vector, first: Floats, second:
     for r in range(3):
         first[r] = tip[r] - apart * spread[r]
         second[r] = tip[r] + apart * spread[r]
+
+
+def _moved(before: tuple[float, ...], now: tuple[float, ...]) -> bool:
+    """Return whether a camera has left its place, or a scope's is turned about its own axis."""
+    if len(before) != len(now):
+        return True
+    far = math.sqrt(sum((a - b) ** 2 for a, b in zip(before[3:6], now[3:6], strict=True)))
+    turned = max((abs(a - b) for a, b in zip(before[9:11], now[9:11], strict=True)), default=0.0)
+    return far >= STEADY_MM or math.cos(turned) <= STEADY
 
 
 def _vector(values: list[float]) -> Vector:

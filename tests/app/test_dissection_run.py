@@ -222,6 +222,44 @@ def test_what_is_out_of_sight_depends_on_the_view_which_is_an_input() -> None:
     assert session.spatial.view.tolist() == [0.0, -0.8, 0.6]
 
 
+def test_a_pose_of_the_viewer_is_logged_and_replayed_to_the_bit() -> None:
+    """A direction by itself, as in older runs; a camera's with its place; a scope's."""
+    towards = np.array([0.3, -0.7, 0.5])
+    unit = towards / math.sqrt(float((towards**2).sum()))
+    place, held = (12.5, -61.0, 42.0), (0.1, -0.2, 131.7, 3.1, 0.05, 0.52)
+    session = bed_session(phantom(), vertices=300)
+    session.look_from(towards)
+    place_of_hand = session.grab(0, 25.4)
+    assert place_of_hand is not None
+    for view in (
+        [*towards, *place],
+        [*towards, *np.add(place, 1.0)],  # a glance aside
+        [*towards, *np.add(place, 9.0)],
+        [*towards, *np.add(place, 9.0), *held],
+        [*towards, *np.add(place, 9.0), *held[:4], 0.4, held[5]],  # the camera's head is turned
+        [0.0, 0.0, 0.0],  # towards nothing
+        [*towards, 1.0],  # of no such kind
+        towards,
+    ):
+        session.advance(2)
+        session.look_from(view)
+    session.move_hand(0, np.add(place_of_hand, (0.0, 0.0, 4.0)))
+    session.advance(30)
+    run = session.run_file()
+    views = [each.value for each in run.log.inputs if each.kind == "view"]
+    assert [len(np.atleast_1d(each)) for each in views] == [3, 6, 6, 12, 12, 3]
+    np.testing.assert_allclose([each[:3] for each in views], [unit] * 6, rtol=1e-15)
+    assert views[1][3:] == place
+    assert views[3][6:] == held
+    again = replayed(run_json(run)).run_file()
+    assert again.log == run.log
+    assert again.metrics == run.metrics
+    four = msgspec.json.decode(run_json(run))
+    four["log"]["inputs"][0][3] = [0.0, 1.0, 0.0, 0.0]
+    with pytest.raises(ValueError, match=r"input 0, view, must have a direction, then a camera"):
+        read_run(msgspec.json.encode(four))
+
+
 inputs = st.one_of(
     st.tuples(st.just("choose_instrument"), st.integers(0, 1), st.sampled_from(INSTRUMENTS)),
     st.tuples(st.just("grab"), st.integers(0, 1), st.floats(0.0, 50.0)),

@@ -41,7 +41,7 @@ def view() -> Iterator[Any]:
     workers = Workers()
     practice = Practice(phantom(), None, "free")
     scene, panel = cast(Any, MagicMock()), cast(Any, Results)
-    scene.return_value.towards_viewer = TOWARDS_VIEWER
+    scene.return_value.view = TOWARDS_VIEWER.tolist()
     yield PageView(
         MagicMock(), practice, workers, "plain", exercise_inputs="any", scene=scene, panel=panel
     )

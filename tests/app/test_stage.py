@@ -237,12 +237,12 @@ def test_framing_outlives_a_reset_and_a_new_shape_but_not_the_user(
     np.testing.assert_allclose(camera.position, viewpoint(50.8, 4.45, 0.6).position)
     stage.camera_moved(client)
     now[0] += 10.0
-    assert stage.towards_viewer(client) is None  # the standard view
+    assert stage.view(client) is None  # the standard view
     looked_from = np.array([0.0, -90.0, 40.0])
     camera.position = looked_from
     stage.camera_moved(client)
-    seen = stage.towards_viewer(client)
-    np.testing.assert_array_equal(seen, looked_from - camera.look_at)
+    seen = stage.view(client)
+    np.testing.assert_array_equal(seen, [*(looked_from - camera.look_at), *looked_from])
     camera.aspect = 1.2
     stage.camera_moved(client)
     np.testing.assert_array_equal(camera.position, looked_from)

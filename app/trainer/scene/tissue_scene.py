@@ -1,7 +1,7 @@
 """The scene of a tissue: a duct between its clamps, its strands, the hands, and what is marked."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 from weakref import WeakMethod
@@ -170,11 +170,10 @@ class TissueScene:
         return self._values
 
     @property
-    def towards_viewer(self) -> NDArray[np.float64]:
-        """(3,) direction to the client's camera, in the frame of the stage and the duct."""
-        stage = self._stage
-        seen = None if stage is None else stage.towards_viewer(self._client)
-        return TOWARDS_VIEWER if seen is None else seen
+    def view(self) -> Sequence[float]:
+        """Direction to the client's camera and its place, in the frame of stage and duct."""
+        seen = None if self._stage is None else self._stage.view(self._client)
+        return TOWARDS_VIEWER.tolist() if seen is None else seen
 
     def frame_camera(self) -> None:
         """Keep both clamps in the client's picture."""

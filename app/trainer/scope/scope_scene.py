@@ -1,7 +1,7 @@
 """The scene of an anatomy: its picture through a scope, and what mouse and fingers do there."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, get_args
 
 import numpy as np
@@ -155,9 +155,12 @@ class ScopeScene:
             run_function(self._client.scene, "bluntdissectScope.lead", number, *leads)
 
     @property
-    def towards_viewer(self) -> NDArray[np.float64]:
-        """(3,) direction back along the scope's picture."""
-        return self._held.camera.axes[:, 2]
+    def view(self) -> Sequence[float]:
+        """Direction back along the scope's picture, its tip, and how it is held."""
+        held = self._held
+        camera = held.camera
+        numbers = *held.pose.numbers, held.scope.angle
+        return [*camera.axes[:, 2].tolist(), *camera.tip.tolist(), *numbers]
 
     def say_standing(self, *, figures: bool) -> None:
         """Nothing is written into the picture of a camera."""

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 import viser
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from app.trainer.stage.appearance import Appearance
 from app.trainer.stage.bench import bench_glb
@@ -183,10 +183,12 @@ class Stage:
         self._looked_around = False
         self._frame(client, client.camera.aspect)
 
-    def towards_viewer(self, client: viser.ClientHandle) -> NDArray[np.float64] | None:
-        """Return the (3,) direction to the camera of a client who has looked around, or None."""
+    def view(self, client: viser.ClientHandle) -> list[float] | None:
+        """Return direction to and place of a client's camera; None while nobody has moved it."""
+        if not self._looked_around:
+            return None
         camera = client.camera
-        return camera.position - camera.look_at if self._looked_around else None
+        return [*(camera.position - camera.look_at).tolist(), *camera.position.tolist()]
 
     def camera_moved(self, client: viser.ClientHandle) -> None:
         """Keep both clamps in the client's picture when its camera or its shape has changed.

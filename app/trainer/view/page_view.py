@@ -1,12 +1,10 @@
 """One client's page: a session of its practice, drawn and told about as often as there is time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from threading import Lock, Thread
 from typing import Protocol
 
-import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from app.anatomy import Anatomy, anatomy_named, anatomy_network
 from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, RunFile, Session
@@ -73,8 +71,8 @@ class Scene(Protocol):
         ...
 
     @property
-    def towards_viewer(self) -> NDArray[np.float64]:
-        """(3,) direction in the tissue's frame to the camera."""
+    def view(self) -> Sequence[float]:
+        """Whence the tissue is seen, as an `Input` has it."""
         ...
 
     def frame_camera(self) -> None:
@@ -318,7 +316,7 @@ class PageView:
         if (playback := state.playback) is not None:
             return playback.tick(ticks) or scene_moved
         if not state.paused:
-            self.session.look_from(self._scene.towards_viewer)
+            self.session.look_from(self._scene.view)
         return state.advance(ticks) or scene_moved
 
     def _has_news(self) -> bool:
