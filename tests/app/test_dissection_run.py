@@ -246,7 +246,7 @@ def test_a_pose_of_the_viewer_is_logged_and_replayed_to_the_bit() -> None:
     session.move_hand(0, np.add(place_of_hand, (0.0, 0.0, 4.0)))
     session.advance(30)
     run = session.run_file()
-    views = [each.value for each in run.log.inputs if each.kind == "view"]
+    views: list[Any] = [each.value for each in run.log.inputs if each.kind == "view"]
     assert [len(np.atleast_1d(each)) for each in views] == [3, 6, 6, 12, 12, 3]
     np.testing.assert_allclose([each[:3] for each in views], [unit] * 6, rtol=1e-15)
     assert views[1][3:] == place
