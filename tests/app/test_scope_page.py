@@ -6,9 +6,10 @@ from typing import cast
 
 import numpy as np
 import pytest
+from axe import no_faults
 from browser import TrainerPage, _newest, trainer_page
 from PIL import Image
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 from simulated import phantom
 
 from app.trainer.scope.pose import Camera
@@ -154,3 +155,40 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.page.mouse.move(360, 280)
         tab.page.mouse.up()
         tab.wait_until(lambda: aside() < start - 2.0)
+
+
+@pytest.mark.parametrize("size", [(390, 844), (640, 400)], ids=["phone", "zoomed to 200 %"])
+def test_the_panel_at_an_anatomy_is_for_everyone(
+    calot: Trainer, drawing_browser: Browser, size: tuple[int, int]
+) -> None:
+    """Nothing serious for axe-core on a small page, which is not cut."""
+    width, height = size
+    with trainer_page(
+        drawing_browser, calot.address, width=width, height=height, first_minute=True,
+        node="/scope/state",
+    ) as tab:  # fmt: skip
+        page, dialog = tab.page, tab.page.get_by_role("dialog")
+        tab.start()
+        page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+        for name in ("Learn", "Replay", "Train"):
+            tab.open(name)
+            no_faults(tab, name)
+        tab.press("Help")
+        dialog.wait_for()
+        no_faults(tab, "Help")
+        page.keyboard.press("Escape")
+        wide = page.evaluate("() => document.scrollingElement.scrollWidth")
+        assert wide <= width
+        # A press in the middle of what the panel leaves of the picture leads the tip there.
+        expect(dialog).to_have_count(0)
+        shown = ScopePage(tab, _newest(calot, "calot"))
+        box = page.locator("canvas").first.bounding_box()
+        assert box is not None
+        covered = page.evaluate("() => bluntdissectScope.picture.covered")
+        assert (covered > 0.3) == (width < 400)
+        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] * (1 - covered) / 2
+        page.mouse.move(*middle)
+        page.mouse.down()
+        hand = shown.view.session.spatial.hands[0]
+        tab.wait_until(lambda: shown.camera.seen(hand.place)[0] < 0.1)
+        page.mouse.up()

@@ -5,6 +5,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from axe import no_faults
 from browser import (
     CAMERA_NEAR,
     RADIUS,
@@ -15,7 +16,6 @@ from browser import (
     stands_still,
     trainer_page,
 )
-from other_programs import package
 from playwright.sync_api import Browser, Page, expect
 
 from app.simulation import Session
@@ -205,38 +205,6 @@ def test_tabs_stand_in_one_row_with_any_font(
                 "aria-selected", "true"
             )
         expect(tab.page.locator(".tabler-icon-adjustments")).to_be_hidden()  # viser's settings
-
-
-JUDGED = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
-
-
-STILL = """() => document.getAnimations().every(each => each.playState !== "running")"""
-"""Nothing fades in or out, which has less contrast on its way."""
-
-
-def no_faults(tab: TrainerPage, where: str) -> None:
-    """Check that axe-core finds nothing serious or critical once a page has come to rest."""
-
-    def check() -> None:
-        tab.page.wait_for_function(STILL)
-        assert faults(tab.page, where) == []
-
-    tab.eventually(check, 30.0)
-
-
-def faults(page: Page, where: str) -> list[str]:
-    """What axe-core finds serious or critical."""
-    if not page.evaluate("() => !!window.axe"):
-        page.evaluate((package("axe-core") / "axe.min.js").read_text())
-    found = page.evaluate(
-        "tags => axe.run(document, {runOnly: tags, resultTypes: ['violations']})", JUDGED
-    )
-    return [
-        f"{where}: {fault['id']} at {node['html'][:120]}"
-        for fault in found["violations"]
-        if fault["impact"] in ("serious", "critical")
-        for node in fault["nodes"]
-    ]
 
 
 def test_axe_finds_nothing_serious_on_any_tab_or_dialog(browser: Browser, trainer: Trainer) -> None:

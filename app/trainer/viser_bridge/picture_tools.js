@@ -68,6 +68,12 @@ Object.assign(viewer, (() => {
   return {
     makers, hold,
     canvas: () => page()?.canvas,
+    // What a phone's panel covers of the canvas's height from below, as a part of it.
+    covered() {
+      const box = page().canvas.getBoundingClientRect();
+      const panel = document.querySelector(".mantine-Paper-root:has([data-testid=readout])")?.getBoundingClientRect();
+      return panel && panel.left < box.left + 0.1 * box.width && panel.width > 0.9 * box.width ? Math.min(Math.max((box.bottom - panel.top) / box.height, 0), 0.8) : 0;
+    },
     send: (uuid, value) => page()?.sendMessage({ type: "GuiUpdateMessage", uuid, updates: { value } }),
   };
 })());

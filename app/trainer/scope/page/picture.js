@@ -288,19 +288,23 @@
     #aim(camera, { right, up, back, tip }) {
       const m = camera.matrix.clone().set(right[0], up[0], back[0], tip[0], right[1], up[1], back[1], tip[1], right[2], up[2], back[2], tip[2], 0, 0, 0, 1).premultiply(this.group.matrixWorld);
       m.decompose(camera.position, camera.quaternion, camera.scale);
-      // The round picture touches the shorter sides of the window.
-      const fov = 360 / Math.PI * Math.atan(Math.tan(FIELD / 2) * Math.max(1, 1 / camera.aspect) / ROUND);
+      // The round picture touches the shorter sides of what a phone's panel leaves of the window.
+      const covered = viewer.covered(), fov = 360 / Math.PI * Math.atan(Math.tan(FIELD / 2) / (ROUND * Math.min(camera.aspect, 1 - covered)));
       this.high = Math.tan(fov * Math.PI / 360);
-      if (Math.abs(camera.fov - fov) > 1e-6 || camera.near !== NEAR || camera.far !== FAR) {
+      if (Math.abs(camera.fov - fov) > 1e-6 || camera.near !== NEAR || camera.far !== FAR || covered !== this.covered) {
         Object.assign(camera, { fov, near: NEAR, far: FAR });
-        camera.updateProjectionMatrix();
+        camera.setViewOffset(camera.aspect, 1, 0, covered / 2, camera.aspect, 1);  // which updates the projection
+        this.covered = covered;
+        this.frame.style.bottom = `${100 * covered}%`;
+        this.camera = camera;
       }
       camera.updateMatrixWorld(true);
     }
 
     #light(renderer, pose) {
       const { shared, sheet } = this, canvas = renderer.domElement;
-      shared.uRound.value = [canvas.width / 2, canvas.height / 2, 1.005 * ROUND * Math.min(canvas.width, canvas.height) / 2];
+      const covered = this.covered * canvas.height;
+      shared.uRound.value = [canvas.width / 2, (canvas.height + covered) / 2, 1.005 * ROUND * Math.min(canvas.width, canvas.height - covered) / 2];
       shared.uEye.value = pose.tip;
       shared.uLamp.value = add(add(pose.tip, pose.up, 6), pose.right, -2);
       shared.uAxis.value = pose.back.map(x => -x);
@@ -317,6 +321,7 @@
       for (const mesh of this.meshes) { this.group.remove(mesh); mesh.geometry.dispose(); mesh.material.dispose(); }
       for (const name of ["uNoise", "uSlopes", "uField", "uNodes", "uEnds"]) this.shared[name].value.dispose();
       this.frame.remove();
+      this.camera?.clearViewOffset();
       this.finer?.();
     }
   }

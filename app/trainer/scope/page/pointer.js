@@ -22,7 +22,7 @@
   // Direction of a pixel, 1 mm into the picture.
   const wayOf = ({ clientX, clientY }) => {
     const box = viewer.canvas().getBoundingClientRect(), { pose } = scope.picture;
-    const high = scope.picture.high, x = (clientX - box.left) / box.width * 2 - 1, y = 1 - (clientY - box.top) / box.height * 2;
+    const high = scope.picture.high, x = (clientX - box.left) / box.width * 2 - 1, y = 1 - scope.picture.covered - (clientY - box.top) / box.height * 2;
     return add(add(pose.back.map(v => -v), pose.right, x * high * box.width / box.height), pose.up, y * high);
   };
   const depthOf = place => -dot(sub(place, scope.picture.pose.tip), scope.picture.pose.back);
