@@ -68,8 +68,10 @@ if TYPE_CHECKING:
     from organ_geometry.reslice.resliced_stack import reslice_stack as reslice_stack
     from organ_geometry.reslice.resliced_stack import reslice_where_needed as reslice_where_needed
     from organ_geometry.section_report import SectionReport as SectionReport
+    from organ_geometry.tubes.label_tubes import FoundTubes as FoundTubes
     from organ_geometry.tubes.label_tubes import LabelTube as LabelTube
     from organ_geometry.tubes.label_tubes import LabelTubes as LabelTubes
+    from organ_geometry.tubes.label_tubes import found_tubes as found_tubes
     from organ_geometry.tubes.label_tubes import tubes_of_labels as tubes_of_labels
     from organ_geometry.tubes.round_organ import round_organ as round_organ
     from organ_geometry.tubes.tube_joins import TubeJoin as TubeJoin

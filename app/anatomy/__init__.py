@@ -10,8 +10,17 @@ from app.anatomy.anatomy_file import (
 from app.anatomy.anatomy_geometry import TubeLine, tube_line, tube_lines
 from app.anatomy.anatomy_labels import anatomy_labels, labels_suffix
 from app.anatomy.anatomy_network import AnatomyNetwork, anatomy_network
+from app.anatomy.case_workbench import CaseWorkbench
 from app.anatomy.hepatocystic_triangle import drawn_anatomy
-from app.anatomy.patient_case import PatientCase, named_labels, patient_case, write_case
+from app.anatomy.patient_case import (
+    CaseBuilder,
+    CaseChoices,
+    PatientCase,
+    TubeEndName,
+    named_labels,
+    patient_case,
+    write_case,
+)
 from app.anatomy.tables import Anatomy, TubeTable
 from app.anatomy.tube_kinds import wall_of
 from app.anatomy.tube_organ import place_of, tube_organ
@@ -19,7 +28,11 @@ from app.anatomy.tube_organ import place_of, tube_organ
 __all__ = [
     "Anatomy",
     "AnatomyNetwork",
+    "CaseBuilder",
+    "CaseChoices",
+    "CaseWorkbench",
     "PatientCase",
+    "TubeEndName",
     "TubeLine",
     "TubeTable",
     "anatomy_labels",

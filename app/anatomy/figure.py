@@ -14,11 +14,21 @@ __all__ = ["anatomy_figure"]
 
 _COLOURS = {"duct": "#3c7a3c", "organ": "#8a8a2e", "artery": "#c03030", "vein": "#3050a0"}
 _MARGIN_MM = 2.0
+_NARROW = 6.0  # inches
 _VIEWS = ((0, 1, "x, mm", "y, mm"), (0, 2, "x, mm", "z, mm"))
 
 
-def anatomy_figure(anatomy: Anatomy, lines: dict[str, TubeLine], kind: str) -> bytes:
+def anatomy_figure(
+    anatomy: Anatomy,
+    lines: dict[str, TubeLine],
+    kind: str,
+    *,
+    inches: tuple[float, float] = (8.0, 7.0),
+    marked: str | None = None,
+) -> bytes:
     """Return a picture as a file's bytes, of a kind that matplotlib writes (png, svg, pdf)."""
+    # A tube that is `marked` has a thick axis, and 0 and 1 at its ends. In a narrow picture the
+    # names stand below.
     try:
         from matplotlib.collections import PatchCollection
         from matplotlib.figure import Figure
@@ -28,7 +38,7 @@ def anatomy_figure(anatomy: Anatomy, lines: dict[str, TubeLine], kind: str) -> b
             "a figure is drawn with matplotlib, which is missing: "
             "pip install 'bluntdissect[report]'"
         ) from error
-    figure = Figure(figsize=(8.0, 7.0), dpi=120, layout="constrained")
+    figure = Figure(figsize=inches, dpi=120, layout="constrained")
     # Both views have one scale.
     low = np.min([(line.places.T - line.radius).min(axis=1) for line in lines.values()], axis=0)
     high = np.max([(line.places.T + line.radius).max(axis=1) for line in lines.values()], axis=0)
@@ -44,7 +54,17 @@ def anatomy_figure(anatomy: Anatomy, lines: dict[str, TubeLine], kind: str) -> b
                 for place, radius in zip(line.places, line.radius, strict=True)
             ]
             picture.add_collection(PatchCollection(discs, color=colour, alpha=0.12, linewidths=0))
-            picture.plot(line.places[:, x], line.places[:, y], color=colour, label=tube.name)
+            wide = 4.0 if tube.name == marked else 1.5
+            picture.plot(
+                line.places[:, x], line.places[:, y], color=colour, label=tube.name, linewidth=wide
+            )
+            if tube.name == marked:
+                for end in (0, 1):
+                    place = line.places[-end]
+                    picture.annotate(
+                        str(end), (place[x], place[y]), xytext=(4, 4), textcoords="offset points",
+                        fontweight="bold",
+                    )  # fmt: skip
         for place in joined:
             picture.plot(place[x], place[y], "ko", markersize=3)
         picture.set_xlabel(across)
@@ -52,7 +72,15 @@ def anatomy_figure(anatomy: Anatomy, lines: dict[str, TubeLine], kind: str) -> b
         picture.set_aspect("equal")
         picture.set_xlim(low[x], high[x])
         picture.set_ylim(low[y], high[y])
-    axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
+    if inches[0] < _NARROW:
+        figure.legend(
+            *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2,
+            fontsize="small", frameon=False,
+        )  # fmt: skip
+    else:
+        axes[0].legend(
+            loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False
+        )
     axes[0].set_title(anatomy.title or anatomy.name)
     content = BytesIO()
     figure.savefig(content, format=kind, metadata={"Date": None} if kind == "svg" else None)

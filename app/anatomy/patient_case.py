@@ -8,9 +8,9 @@ tell, walls, strengths and tissue, is assumed by kind.
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import product
+from itertools import count, product
 from pathlib import Path
-from typing import cast
+from typing import Literal, TypeAlias, cast
 
 import msgspec
 import numpy as np
@@ -42,11 +42,15 @@ from app.anatomy.tables import (
 from app.anatomy.tube_kinds import Role, kind_of_name, wall_of
 from app.anatomy.tube_organ import ORGAN_SUFFIX, check_organs, organ_content, organ_text
 from app.bounded_file import decoded, read_bounded
-from organ_geometry import LabelTubes, LabelVolume, make_folder, tubes_of_labels, write_atomic
+from organ_geometry import LabelTubes, LabelVolume, found_tubes, make_folder, write_atomic
+from physics.bed import End
 
 __all__ = [
+    "CaseBuilder",
+    "CaseChoices",
     "NamedLabel",
     "PatientCase",
+    "TubeEndName",
     "named_labels",
     "patient_case",
     "with_cystic_artery",
@@ -54,6 +58,8 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
+TubeEndName: TypeAlias = tuple[str, Literal[0, 1]]
+"""A tube's name, and its first end or its last."""
 
 MOST_BYTES = 1_000_000
 """Size of a file of names."""
@@ -215,41 +221,132 @@ def patient_case(
     ValueError
         If a label is no tube, a kind is not known, or nothing is left.
     """
-    longest = float((volume.sizes * volume.values.shape[::-1]).max())
-    if longest < _LEAST_MM:
-        raise ValueError(
-            f"{volume.source} is {longest:.2g} mm long, which looks like a slip of the unit: a "
-            f"voxel would be {float(volume.sizes.max()):.2g} mm"
-        )
-    kinds: dict[str, TubeKind] = {}
-    tubes: dict[int, str] = {}
-    sizes = volume.label_sizes()
-    left_out = [f"label {label}" for label in sizes if label not in names]
-    left_out += [f"{name}, empty" for label, name in volume.names.items() if label not in sizes]
-    for label, named in names.items():
-        role = named.role
-        if role == "shown":
-            left_out.append(named.name)
-        else:
-            tubes[label] = _stem(named.name)
-            kinds[tubes[label]] = role
-    # Ducts first, then by size: the first tube is the one that others join.
-    order = sorted(tubes, key=lambda label: (kinds[tubes[label]] != "duct", -sizes[label]))
-    found = tubes_of_labels(volume, {label: tubes[label] for label in order}, progress=progress)
-    # Branches of a label, which are tubes of their own, are of its kind.
-    kinds = {tube.name: kinds[tubes[tube.label]] for tube in found.tubes}
-    anatomy = _anatomy(volume, found, kinds, name)
-    doubts = [
-        *found.doubts, *_alone(anatomy, kinds), *_unusual(found), *_mirrored(found, kinds)
-    ]  # fmt: skip
-    if not any("cystic" in tube and kinds[tube] == "artery" for tube in kinds):
-        if draw_artery:
+    steps = 2 * len(names)
+    step = count(1)
+
+    def done() -> None:
+        if progress is not None:
+            progress(min(next(step), steps), steps)
+
+    builder = CaseBuilder(volume, names, name, done=done)
+    return builder.build(CaseChoices(draw_artery=draw_artery), done=done)
+
+
+class CaseChoices(msgspec.Struct, frozen=True):
+    """What is chosen of a case in place of what was found.
+
+    Attributes
+    ----------
+    without
+        Names of tubes that are left out.
+    joins
+        By tube and end: the tube that it joins, or None where it joins none.
+    held
+        By tube and end: how an end that joins none is held.
+    draw_artery
+        Whether a cystic artery, which no label has, is drawn in by published frequencies.
+    """
+
+    without: frozenset[str] = frozenset()
+    joins: Mapping[TubeEndName, str | None] = {}
+    held: Mapping[TubeEndName, End] = {}
+    draw_artery: bool = False
+
+
+class CaseBuilder:
+    """The tubes among a volume's named labels, of which cases are made by choices.
+
+    Parameters
+    ----------
+    volume, names, name
+        As `patient_case` has them.
+    done
+        Called when a label has been looked at.
+
+    Raises
+    ------
+    ValueError
+        If a label is no tube, a kind is not known, or nothing is left.
+    """
+
+    def __init__(
+        self,
+        volume: LabelVolume,
+        names: Mapping[int, NamedLabel],
+        name: str = "patient",
+        *,
+        done: Callable[[], object] = lambda: None,
+    ) -> None:
+        longest = float((volume.sizes * volume.values.shape[::-1]).max())
+        if longest < _LEAST_MM:
+            raise ValueError(
+                f"{volume.source} is {longest:.2g} mm long, which looks like a slip of the unit: a "
+                f"voxel would be {float(volume.sizes.max()):.2g} mm"
+            )
+        self.name, self._source = name, volume.source.name
+        kinds: dict[str, TubeKind] = {}
+        tubes: dict[int, str] = {}
+        sizes = volume.label_sizes()
+        left_out = [f"label {label}" for label in sizes if label not in names]
+        left_out += [f"{name}, empty" for label, name in volume.names.items() if label not in sizes]
+        for label, named in names.items():
+            role = named.role
+            if role == "shown":
+                left_out.append(named.name)
+            else:
+                tubes[label] = _stem(named.name)
+                kinds[tubes[label]] = role
+        self._left_out = tuple(left_out)
+        # Ducts first, then by size: the first tube is the one that others join.
+        order = sorted(tubes, key=lambda label: (kinds[tubes[label]] != "duct", -sizes[label]))
+        self.found = found_tubes(volume, {label: tubes[label] for label in order}, done=done)
+        # Branches of a label, which are tubes of their own, are of its kind.
+        split = self.found.split
+        self.kinds: dict[str, TubeKind] = {
+            split.names[each]: kinds[tubes[split.first[each]]] for each in split.axes
+        }
+
+    @property
+    def takes_artery(self) -> bool:
+        """Whether a cystic artery can be drawn in: none is there, and what it joins is."""
+        return not self._has_artery and {"gallbladder", _HEPATIC_ARTERY} <= self.kinds.keys()
+
+    @property
+    def _has_artery(self) -> bool:
+        return any("cystic" in tube and kind == "artery" for tube, kind in self.kinds.items())
+
+    def build(
+        self,
+        choices: CaseChoices = CaseChoices(),  # noqa: B008 (frozen)
+        *,
+        done: Callable[[], object] = lambda: None,
+    ) -> PatientCase:
+        """Return the case of some choices; `done` is called when a tube is made."""
+        if not self.kinds.keys() - choices.without:
+            raise ValueError("every tube is left out: a case needs one")
+        joins = None
+        if choices.joins:
+            joins = [
+                self.found.join(tube, end, to)
+                for (tube, end), to in choices.joins.items()
+                if to is not None
+            ]
+            taken = {(join.tube, join.end) for join in joins} | choices.joins.keys()
+            joins += [each for each in self.found.joins if (each.tube, each.end) not in taken]
+        found = self.found.tubes(joins, choices.without, done=done)
+        kinds: dict[str, TubeKind] = {tube.name: self.kinds[tube.name] for tube in found.tubes}
+        anatomy = _anatomy(self._source, found, kinds, self.name, choices.held)
+        doubts = [
+            *found.doubts, *_alone(anatomy, kinds), *_unusual(found), *_mirrored(found, kinds)
+        ]  # fmt: skip
+        if choices.draw_artery:
+            if self._has_artery:
+                raise ValueError("a label is a cystic artery already: none is drawn in")
             anatomy = with_cystic_artery(anatomy)
-        elif {"gallbladder", _HEPATIC_ARTERY} <= kinds.keys():
+        elif self.takes_artery:
             doubts.append("no label is a cystic artery: --draw-artery draws one in, assumed")
-    elif draw_artery:
-        raise ValueError("a label is a cystic artery already: leave out --draw-artery")
-    return PatientCase(anatomy, found, tuple(left_out), tuple(doubts))
+        left_out = (*self._left_out, *sorted(choices.without))
+        return PatientCase(anatomy, found, left_out, tuple(doubts))
 
 
 def with_cystic_artery(anatomy: Anatomy) -> Anatomy:
@@ -356,7 +453,11 @@ def _kind_by_term(name: str, term: str) -> Role | None:
 
 
 def _anatomy(
-    volume: LabelVolume, found: LabelTubes, kinds: dict[str, TubeKind], name: str
+    source: str,
+    found: LabelTubes,
+    kinds: dict[str, TubeKind],
+    name: str,
+    held: Mapping[TubeEndName, End],
 ) -> Anatomy:
     rows = np.array(HEAD_RIGHT_FRONT)
     origin = (_middle(found, kinds) - _JOIN_MM @ rows).round(3)
@@ -375,6 +476,10 @@ def _anatomy(
         for join in found.joins:
             if join.to == tube.name and join.place != "middle":
                 ends[1 if join.place == "end" else 0] = "free"
+        for (of, end), how in held.items():
+            if of == tube.name:
+                ends[end] = how
+        for join in found.joins:
             if join.tube != tube.name:
                 continue
             ends[join.end] = "joined"
@@ -408,7 +513,7 @@ def _anatomy(
             ends=(ends[0], ends[1]),
             elements=min(max(round(organ.length / max(organ.mean_radius, 1.5)), 6), 40),
             fluid=wall.fluid,
-            source=f"{volume.source.name} label {tube.label}",
+            source=f"{source} label {tube.label}",
             confidence="measured",
             confidence_wall=wall.confidence,
         )

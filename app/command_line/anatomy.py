@@ -51,6 +51,15 @@ def anatomy(
             help="Draw a cystic artery into --labels that have none, by published frequencies.",
         ),
     ] = False,
+    build_page: Annotated[
+        bool,
+        typer.Option(
+            "--build-page",
+            help="Choose tubes, joins and ends of --labels in the browser, save the case into -o, "
+            "and practise on it.",
+        ),
+    ] = False,
+    port: Annotated[int, typer.Option(help="Port of that page; 0 takes a free one.")] = 8080,
     mesh: Annotated[
         Path | None,
         typer.Option(
@@ -82,6 +91,8 @@ def anatomy(
         raise ValueError("--names goes with --labels")
     if draw_artery and labels is None:
         raise ValueError("--draw-artery goes with --labels")
+    if build_page and (labels is None or figure is not None or as_json):
+        raise ValueError("--build-page goes with --labels, without --figure and --json")
     if merged and mesh is None:
         raise ValueError("--merged goes with --mesh")
     if mesh is not None:
@@ -97,7 +108,10 @@ def anatomy(
         if shipped or labels is not None:
             raise ValueError("--voxels is of one anatomy: give its name or file, or --seed")
     if labels is not None:
-        _from_labels(labels, names, output, figure, draw_artery=draw_artery, as_json=as_json)
+        if build_page:
+            _build_page(labels, names, output, port, draw_artery=draw_artery)
+        else:
+            _from_labels(labels, names, output, figure, draw_artery=draw_artery, as_json=as_json)
         return
     from app.anatomy import anatomy_toml, drawn_anatomy, read_anatomy, shipped_anatomies, tube_lines
     from organ_geometry import check_target, write_atomic
@@ -165,10 +179,7 @@ def _from_labels(
     from app.command_line.answer import progress_bar
     from organ_geometry import check_target, read_labels, write_atomic
 
-    if folder is None:
-        raise ValueError("--labels needs -o, the folder to write the case into")
-    if folder.exists() and not folder.is_dir():
-        raise ValueError(f"cannot write into {folder}: it is a file; give a folder")
+    folder = _case_folder(folder)
     if figure is not None:
         from app.anatomy.figure import figure_kind
 
@@ -205,6 +216,44 @@ def _from_labels(
         "doubts": list(case.doubts),
     }
     _report(case.anatomy, lines, result, more, as_json=as_json)
+
+
+def _case_folder(folder: Path | None) -> Path:
+    """Return the folder to write a case into, or say why there is none."""
+    if folder is None:
+        raise ValueError("--labels needs -o, the folder to write the case into")
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"cannot write into {folder}: it is a file; give a folder")
+    return folder
+
+
+def _build_page(
+    labels: Path, names: Path | None, folder: Path | None, port: int, *, draw_artery: bool
+) -> None:
+    """Find the tubes in labels, and serve the page in which a case is made of them."""
+    from itertools import count
+
+    from app.anatomy import CaseBuilder, CaseChoices, CaseWorkbench, named_labels
+    from app.command_line.answer import progress_bar
+    from app.command_line.serving import serve, serving
+    from organ_geometry import read_labels
+
+    folder = _case_folder(folder)
+    served = serving(port=port)
+    volume = read_labels(labels)
+    named = named_labels(volume, names)
+    with progress_bar("Finding tubes") as progress:
+        steps, step = 2 * len(named), count(1)
+
+        def done() -> None:
+            progress(min(next(step), steps), steps)
+
+        builder = CaseBuilder(volume, named, folder.resolve().name, done=done)
+        case = CaseWorkbench(builder, folder, CaseChoices(draw_artery=draw_artery), done=done)
+    serve(
+        lambda: served.start(scene="calot", case=case),
+        lambda running: print(f"The case is ready: {running.link}", flush=True),
+    )
 
 
 def _report(

@@ -9,8 +9,9 @@ stages of the organ builder.
 """
 
 import itertools
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +26,10 @@ from organ_geometry.images.label_volume import LabelVolume
 from organ_geometry.organ_builder import BuiltOrgan, Promise, build_fitted
 from organ_geometry.reslice.resliced_stack import ReslicedSlices
 from organ_geometry.tubes.tube_axis import TubeAxis, fitted_axis
-from organ_geometry.tubes.tube_branches import outside_wall, split_labels
-from organ_geometry.tubes.tube_joins import TubeJoin, found_joins, parents_first
+from organ_geometry.tubes.tube_branches import SplitLabels, outside_wall, split_labels
+from organ_geometry.tubes.tube_joins import TubeJoin, found_joins, join_of, one_way, parents_first
 
-__all__ = ["LabelTube", "LabelTubes", "tubes_of_labels"]
+__all__ = ["FoundTubes", "LabelTube", "LabelTubes", "found_tubes", "tubes_of_labels"]
 
 Floats = NDArray[np.float64]
 
@@ -91,6 +92,137 @@ class LabelTubes:
         return next(tube for tube in self.tubes if tube.name == name)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Made:
+    """A tube with its organ, what it was made with, and what is said of it."""
+
+    key: tuple[object, ...]
+    axis: TubeAxis
+    tube: LabelTube
+    touches: tuple[tuple[str, str, float], ...]
+    doubts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundTubes:
+    """The axes of a volume's tubes as their labels have them, and where their ends join.
+
+    Attributes
+    ----------
+    joins
+        As they were found; `tubes` makes organs with these or with others.
+    """
+
+    split: SplitLabels
+    joins: tuple[TubeJoin, ...]
+    nearly: tuple[str, ...]
+    # Made last, by name: another choice makes anew only what it changes.
+    _made: dict[str, _Made] = field(default_factory=dict[str, _Made])
+
+    @property
+    def axes(self) -> dict[str, TubeAxis]:
+        """Of the tubes, by name."""
+        return {axis.name: axis for axis in self.split.axes.values()}
+
+    def join(self, tube: str, end: Literal[0, 1], to: str) -> TubeJoin:
+        """Return the join of an end to another tube, wherever the two are."""
+        axes = self.axes
+        (made,) = one_way([join_of(axes[tube], end, axes[to])], axes)
+        return made
+
+    def tubes(
+        self,
+        joins: Sequence[TubeJoin] | None = None,
+        without: Collection[str] = (),
+        promise: Promise | None = None,
+        *,
+        done: Callable[[], object] = lambda: None,
+    ) -> LabelTubes:
+        """Return the tubes with their organs, led into those that they join.
+
+        Parameters
+        ----------
+        joins
+            Other joins than those found; of several that make a ring the first are kept.
+        without
+            Names of tubes that are left out.
+        promise
+            As `tubes_of_labels` has it.
+        done
+            Called when a tube is made.
+
+        Returns
+        -------
+        LabelTubes
+            In LPS mm.
+        """
+        split, by_name = self.split, self.axes
+        volume, names = split.volume, split.names
+        voxel = float(volume.sizes.prod() ** (1.0 / 3.0))
+        wanted = [
+            join
+            for join in (self.joins if joins is None else joins)
+            if join.tube not in without and join.to not in without
+        ]
+        kept = [name for name in names.values() if name not in without]
+        order, wanted, rings = parents_first(kept, wanted)
+        made: dict[str, _Made] = {}
+        for name in order:
+            own = tuple(join for join in wanted if join.tube == name)
+            into = tuple(join for join in wanted if join.to == name and join.place != "middle")
+            key = (promise, own, into, *(made[join.to].key for join in own))
+            before = self._made.get(name)
+            if before is not None and before.key == key:
+                made[name] = before
+            else:
+                axis = by_name[name]
+                foreign = _foreign(volume, axis, names)
+                led_before = {other: each.axis for other, each in made.items()}
+                goals = _goals(axis, wanted, by_name, led_before)
+                to = {join.end: made[join.to].axis for join in own}
+                led = _led(axis, goals, to, foreign, voxel)
+                doubts = _branches(volume, led, voxel) + _open_sides(volume, axis)
+                if axis.radius < _THIN_VOXELS * voxel:
+                    doubts.append(
+                        f"{name} is {2.0 * axis.radius / voxel:.1f} voxels thick: its radius may "
+                        f"be a tenth off"
+                    )
+                cut = (_is_cut(volume, axis.places[0]), _is_cut(volume, axis.places[-1]))
+                built = _organ(volume, led, promise, voxel)
+                tube = LabelTube(name, split.first[axis.voxels.label], led, built, cut)
+                touches = tuple(_touches(axis, foreign, names))
+                made[name] = self._made[name] = _Made(key, led, tube, touches, tuple(doubts))
+            done()
+        led = {name: each.axis for name, each in made.items()}
+        return LabelTubes(
+            tuple(each.tube for each in made.values()),
+            tuple(_placed(join, led) for join in wanted),
+            tuple(
+                touch for each in made.values() for touch in each.touches if touch[1] not in without
+            ),
+            (
+                *split.doubts,
+                *(doubt for each in made.values() for doubt in each.doubts),
+                *rings,
+                *(self.nearly if joins is None else ()),
+            ),
+        )
+
+
+def found_tubes(
+    volume: LabelVolume,
+    names: Mapping[int, str],
+    *,
+    done: Callable[[], object] = lambda: None,
+) -> FoundTubes:
+    """Return the axes of a volume's tubes and their joins; see `tubes_of_labels`."""
+    if not names:
+        raise ImageStackError(f"none of the labels of {volume.source} is named as a tube")
+    split = split_labels(volume.around(names, _MARGIN), names, done=done)
+    joins, nearly = found_joins(split.volume, split.axes)
+    return FoundTubes(split, tuple(joins), tuple(nearly))
+
+
 def tubes_of_labels(
     volume: LabelVolume,
     names: Mapping[int, str],
@@ -122,49 +254,14 @@ def tubes_of_labels(
     ImageStackError
         If a label is missing, in pieces, too thin or too short for a tube; its message names it.
     """
-    if not names:
-        raise ImageStackError(f"none of the labels of {volume.source} is named as a tube")
-    volume = volume.around(names, _MARGIN)
-    voxel = float(volume.sizes.prod() ** (1.0 / 3.0))
-    counted = itertools.count(1)
-
-    steps = 2 * len(names)
+    steps, counted = 2 * len(names), itertools.count(1)
 
     def done() -> None:
         if progress is not None:
-            progress(next(counted), steps)
+            # Branches are tubes that nobody has counted.
+            progress(min(next(counted), steps), steps)
 
-    split = split_labels(volume, names, done=done)
-    volume, names, raw = split.volume, split.names, split.axes
-    doubts = list(split.doubts)
-    joins, nearly = found_joins(volume, raw)
-    order, joins, rings = parents_first(list(names.values()), joins)
-    by_name = {axis.name: axis for axis in raw.values()}
-    led: dict[str, TubeAxis] = {}
-    made: dict[str, LabelTube] = {}
-    touches: list[tuple[str, str, float]] = []
-    for name in order:
-        axis = by_name[name]
-        foreign = _foreign(volume, axis, names)
-        touches += _touches(axis, foreign, names)
-        goals = _goals(axis, joins, by_name, led)
-        to = {join.end: led[join.to] for join in joins if join.tube == name}
-        led[name] = _led(axis, goals, to, foreign, voxel)
-        doubts += _branches(volume, led[name], voxel)
-        doubts += _open_sides(volume, axis)
-        if axis.radius < _THIN_VOXELS * voxel:
-            doubts.append(
-                f"{name} is {2.0 * axis.radius / voxel:.1f} voxels thick: its radius may be a "
-                f"tenth off"
-            )
-        cut = (_is_cut(volume, axis.places[0]), _is_cut(volume, axis.places[-1]))
-        built = _organ(volume, led[name], promise, voxel)
-        label = split.first[axis.voxels.label]
-        made[name] = LabelTube(name, label, led[name], built, cut)
-        if axis.voxels.label == label:
-            done()
-    placed = tuple(_placed(join, led) for join in joins)
-    return LabelTubes(tuple(made.values()), placed, tuple(touches), (*doubts, *rings, *nearly))
+    return found_tubes(volume, names, done=done).tubes(promise=promise, done=done)
 
 
 def _placed(join: TubeJoin, led: dict[str, TubeAxis]) -> TubeJoin:

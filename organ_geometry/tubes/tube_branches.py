@@ -63,7 +63,7 @@ def split_labels(
     volume: LabelVolume,
     names: Mapping[int, str],
     *,
-    done: Callable[[], None],
+    done: Callable[[], object],
 ) -> SplitLabels:
     """Return the axes of labels' tubes, those of their branches among them.
 

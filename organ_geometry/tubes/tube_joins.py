@@ -18,7 +18,7 @@ from scipy import ndimage
 from organ_geometry.images.label_volume import LabelVolume
 from organ_geometry.tubes.tube_axis import TubeAxis
 
-__all__ = ["JoinPlace", "TubeJoin", "found_joins", "parents_first"]
+__all__ = ["JoinPlace", "TubeJoin", "found_joins", "join_of", "one_way", "parents_first"]
 
 JoinPlace: TypeAlias = Literal["begin", "end", "middle"]
 Floats = NDArray[np.float64]
@@ -77,8 +77,9 @@ def found_joins(
     """
     found: list[TubeJoin] = []
     doubts: list[str] = []
+    ends: tuple[Literal[0, 1], ...] = (0, 1)
     for label, tube in tubes.items():
-        for end in (0, 1):
+        for end in ends:
             ahead = _ahead(volume, tubes, label, end)
             if not ahead.counts:
                 continue
@@ -88,16 +89,19 @@ def found_joins(
                 found.append(join)
             elif join:
                 doubts.append(join)
-    return _one_way(found, {tube.name: tube for tube in tubes.values()}), doubts
+    return one_way(found, {tube.name: tube for tube in tubes.values()}), doubts
+
+
+def _end(tube: TubeAxis, end: int) -> tuple[Floats, Floats, float]:
+    """Return an end's place, mm, the direction out of it, and the radius there, mm."""
+    inner = min(tube.radius, 0.25 * tube.length)
+    radius = tube.radius_at(tube.length - inner if end else inner)
+    return tube.places[-end], tube.frames[-end, :, 2] * (1.0 if end else -1.0), radius
 
 
 def _ahead(volume: LabelVolume, tubes: dict[int, TubeAxis], label: int, end: int) -> _Ahead:
-    tube = tubes[label]
-    point = tube.places[-end]
-    out = tube.frames[-end, :, 2] * (1.0 if end else -1.0)
+    point, out, radius = _end(tubes[label], end)
     largest = float(volume.sizes.max())
-    inner = min(tube.radius, 0.25 * tube.length)
-    radius = tube.radius_at(tube.length - inner if end else inner)
     looked = max(radius, 1.5 * largest)
     reach = _REACH_RADII * looked + 1.5 * largest
     middle, half = volume.indices(point), reach / volume.sizes
@@ -117,36 +121,49 @@ def _ahead(volume: LabelVolume, tubes: dict[int, TubeAxis], label: int, end: int
     return _Ahead(point, out, radius, counts, cut)
 
 
+def join_of(tube: TubeAxis, end: Literal[0, 1], other: TubeAxis, voxels: int = 0) -> TubeJoin:
+    """Return the join of an end to another tube, where its ray comes nearest to that one's axis."""
+    point, out, radius = _end(tube, end)
+    near, _ = other.nearest(point)
+    theirs = other.radius_at(near)
+    station, _ = other.nearest(point + theirs * out)
+    ray = point + np.linspace(0.0, _RAY_RADII * theirs, 13)[:, np.newaxis] * out
+    miss = min(other.nearest(place)[1] for place in ray)
+    at_end = other.radius_at(0.0 if station < 0.5 * other.length else other.length)
+    close = _END_RADII * max(min(other.radius, at_end), radius)
+    place: JoinPlace = "middle"
+    if min(station, other.length - station) < close:
+        place = "begin" if station < other.length - station else "end"
+    return TubeJoin(tube.name, end, other.name, place, station, miss, voxels)
+
+
 def _join(
-    volume: LabelVolume, tube: TubeAxis, end: int, other: TubeAxis, ahead: _Ahead, count: int
+    volume: LabelVolume,
+    tube: TubeAxis,
+    end: Literal[0, 1],
+    other: TubeAxis,
+    ahead: _Ahead,
+    count: int,
 ) -> TubeJoin | str | None:
     """Return an end's join, or a sentence why it is none, or nothing where it hardly touches."""
     if count < _FEWEST_VOXELS:
         return None
-    near, _ = other.nearest(ahead.point)
-    theirs = other.radius_at(near)
-    station, _ = other.nearest(ahead.point + theirs * ahead.out)
-    ray = ahead.point + np.linspace(0.0, _RAY_RADII * theirs, 13)[:, np.newaxis] * ahead.out
-    miss = min(other.nearest(place)[1] for place in ray)
-    at_end = other.radius_at(0.0 if station < 0.5 * other.length else other.length)
-    close = _END_RADII * max(min(other.radius, at_end), ahead.radius)
-    place: JoinPlace = "middle"
-    if min(station, other.length - station) < close:
-        place = "begin" if station < other.length - station else "end"
+    join = join_of(tube, end, other, count)
+    theirs = other.radius_at(other.nearest(ahead.point)[0])
     face = float(volume.sizes.prod()) ** (2.0 / 3.0)
     needed = _SECTION_SHARE * np.pi * min(ahead.radius, theirs) ** 2 / face
     limit = _MISS_RADII * theirs + 0.5 * float(volume.sizes.max())
-    if ahead.cut or count < needed or (place == "middle" and miss > limit):
-        why = (
-            "the volume ends there" if ahead.cut else f"its axis misses the other by {miss:.1f} mm"
-        )
+    if ahead.cut or count < needed or (join.place == "middle" and join.miss > limit):
+        why = f"its axis misses the other by {join.miss:.1f} mm"
+        if ahead.cut:
+            why = "the volume ends there"
         if not ahead.cut and count < needed:
             why = f"they touch in {count} voxels, half a section has {needed:.0f}"
         return f"end {end} of {tube.name} touches {other.name} and does not join it: {why}"
-    return TubeJoin(tube.name, 1 if end else 0, other.name, place, station, miss, count)
+    return join
 
 
-def _one_way(found: list[TubeJoin], tubes: dict[str, TubeAxis]) -> list[TubeJoin]:
+def one_way(found: list[TubeJoin], tubes: dict[str, TubeAxis]) -> list[TubeJoin]:
     """Return joins, one for each pair of ends that meet: from the thinner to the thicker tube."""
     by_end = {(join.tube, join.end): join for join in found}
     kept: dict[tuple[str, int], TubeJoin] = {}

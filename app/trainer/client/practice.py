@@ -4,7 +4,7 @@ from collections.abc import Callable
 from threading import Lock
 from typing import Literal, NamedTuple, get_args
 
-from app.anatomy import Anatomy, anatomy_named
+from app.anatomy import Anatomy, CaseWorkbench, anatomy_named
 from app.simulation import Preset, Session, Specimen, free_specimen, specimen_in_bed
 from organ_geometry import Organ
 
@@ -58,7 +58,8 @@ SCENES: dict[SceneName, Start] = {
 class Practice:
     """A trainee's sessions, each made when it is first asked for; `scene` is shown.
 
-    `own_anatomy` is what the trainer was started with, or None for the usual one.
+    `own_anatomy` is what the trainer was started with, or None for the usual one; of a `case` that
+    is built in the page it is the case as it is now.
     """
 
     def __init__(
@@ -67,12 +68,18 @@ class Practice:
         preset: Preset | None,
         scene: SceneName | None = None,
         own_anatomy: Anatomy | None = None,
+        case: CaseWorkbench | None = None,
     ) -> None:
         self._organ, self._preset = organ, preset
-        self.own_anatomy = own_anatomy
+        self._own_anatomy, self.case = own_anatomy, case
         self.scene: SceneName | None = scene  # None until a page has opened
         self._lock = Lock()
         self._sessions: dict[SceneName, Session] = {}
+
+    @property
+    def own_anatomy(self) -> Anatomy | None:
+        """What the scene of several tubes shows first; the usual one when None."""
+        return self._own_anatomy if self.case is None else self.case.case.anatomy
 
     def session(self, scene: SceneName) -> Session:
         """Return the session of a scene, of the organ that was chosen last."""

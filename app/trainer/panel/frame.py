@@ -6,7 +6,7 @@ from viser import theme
 __all__ = ["DISCLAIMER", "LEARN", "REPLAY", "add_disclaimer", "style_panel"]
 
 DISCLAIMER = "Not clinically validated, not a medical device."
-LEARN, REPLAY = "Learn", "Replay"
+LEARN, REPLAY, BUILD = "Learn", "Replay", "Build"
 WIDTH = 364
 """px."""
 BRAND = (38, 166, 154)

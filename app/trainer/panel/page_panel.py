@@ -13,7 +13,7 @@ from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
 from app.trainer.panel.controls import on_click, set_if_changed
 from app.trainer.panel.exercise_tab import ExerciseTab
-from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, style_panel
+from app.trainer.panel.frame import BUILD, LEARN, REPLAY, add_disclaimer, style_panel
 from app.trainer.panel.help import keys_of, show_help
 from app.trainer.panel.keys import add_keys
 from app.trainer.panel.legend import Legend
@@ -71,7 +71,7 @@ class PagePanel:
             self._compare = CompareTab(gui, state)
         with tabs.add_tab(REPLAY):
             self._replay = ReplayTab(gui, state)
-        with tabs.add_tab("Build"):
+        with tabs.add_tab(BUILD):
             self._build = BuildTab(gui, state)
         with tabs.add_tab("Model"):
             self._model = ModelTab(gui, state)

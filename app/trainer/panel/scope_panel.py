@@ -5,11 +5,18 @@ from typing import Literal
 
 import viser
 
-from app.anatomy import Anatomy, anatomy_named, drawn_anatomy, shipped_anatomies
+from app.anatomy import (
+    Anatomy,
+    CaseWorkbench,
+    anatomy_named,
+    drawn_anatomy,
+    shipped_anatomies,
+)
 from app.simulation import Instrument, Reading, RunFile
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import SceneName
 from app.trainer.client.scope_lead import HOLDS_MM_S, ScopeLead
+from app.trainer.panel.case_tab import CaseTab
 from app.trainer.panel.controls import (
     Choice,
     figure,
@@ -23,7 +30,7 @@ from app.trainer.panel.controls import (
 )
 from app.trainer.panel.dialog import dialog
 from app.trainer.panel.exercise_tab import ExerciseTab
-from app.trainer.panel.frame import LEARN, REPLAY, add_disclaimer, style_panel
+from app.trainer.panel.frame import BUILD, LEARN, REPLAY, add_disclaimer, style_panel
 from app.trainer.panel.help import Key, first_minute
 from app.trainer.panel.keys import add_keys
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
@@ -141,6 +148,7 @@ class ScopePanel:
         choose_scene: Callable[[SceneName], None],
         choose_anatomy: Callable[[Anatomy], None],
         own_anatomy: Anatomy | None,
+        case: CaseWorkbench | None = None,
     ) -> None:
         self._state, self._lead, self._show_anatomy = state, lead, choose_anatomy
         self._own = {} if own_anatomy is None else {f"{own_anatomy.name}, own": own_anatomy}
@@ -159,6 +167,11 @@ class ScopePanel:
             self._exercises = ExerciseTab(gui, state, self.replay)
         with tabs.add_tab(REPLAY):
             self._replay = ReplayTab(gui, state)
+        if case is not None:
+            with tabs.add_tab(BUILD):
+                CaseTab(gui, state, case, choose_anatomy)
+            if not case.practised:
+                open_tab(state.client, BUILD)
         ask = gui.add_button("Help", icon=viser.Icon.HELP, color="gray")
         on_click(ask, self._show_help)
         self._add_keys()

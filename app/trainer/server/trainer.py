@@ -20,7 +20,7 @@ from typing import TypeAlias, cast
 import viser
 from websockets.asyncio.server import ServerConnection
 
-from app.anatomy import Anatomy
+from app.anatomy import Anatomy, CaseWorkbench
 from app.compression.build_process import BuildProcess
 from app.haptics.servo_process import HapticSetting, ServoProcess
 from app.simulation import TICK_SECONDS, ExerciseInputs, Preset, RunFile, Session, free_specimen
@@ -96,6 +96,8 @@ class Trainer:
         and the "plain" one for slow pages.
     anatomy
         What the scene of several tubes shows first; the usual one when None.
+    case
+        A case that is built in the page, in place of `anatomy`.
     replay
         A run that every page opens on, made on this organ; None opens on the page's own duct.
     bounds
@@ -144,6 +146,7 @@ class Trainer:
         scene: SceneName | None = None,
         look: LookChoice = "full",
         anatomy: Anatomy | None = None,
+        case: CaseWorkbench | None = None,
         replay: RunFile | None = None,
         bounds: Bounds | None = None,
         build_process: BuildProcess | None = None,
@@ -183,7 +186,8 @@ class Trainer:
         self._making = threading.Lock()
         self._left = threading.Event()  # a page has left since memory was given back
         self._kept = Sessions(
-            lambda: Practice(organ, preset, own_anatomy=anatomy), most=bounds.most_clients
+            lambda: Practice(organ, preset, own_anatomy=anatomy, case=case),
+            most=bounds.most_clients,
         )
         self._workers = Workers(
             build_process=build_process or BuildProcess(), export_vertices=export_vertices

@@ -247,6 +247,7 @@ class PageView:
                 self.choose_scene,
                 self._show_anatomy,
                 self._practice.own_anatomy,
+                self._practice.case,
             )
         self._panel_stale = True
         self._watch_pace()
