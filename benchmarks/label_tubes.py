@@ -2,6 +2,8 @@
 
 ``python -m benchmarks.label_tubes`` prints the table of docs/anatomy.md. It needs the volumes of an
 anatomy atlas in `BLUNTDISSECT_DATA`, and ``--draco`` what `pip install .[bench]` installs.
+``--held-out 20`` prints another: cases of so many seeds as labels, turned, flipped, in cubes and in
+thick slices, with wrong labels, and how many of their tubes and joins are found.
 """
 
 import argparse
@@ -9,18 +11,30 @@ import json
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import msgspec
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from app.anatomy import Anatomy, anatomy_labels, drawn_anatomy, tube_lines
+from app.anatomy.tables import HEAD_RIGHT_FRONT, JoinTable, Place
 from benchmarks.draco_peer import DracoSearch
 from benchmarks.organ_sets import DATA
 from benchmarks.peer_meshes import Mesh
 from benchmarks.surface_distance import TriangleSurface, spread_points
-from organ_geometry import LabelTube, LabelTubes, LabelVolume, read_labels, tubes_of_labels
+from organ_geometry import (
+    ImageStackError,
+    LabelTube,
+    LabelTubes,
+    LabelVolume,
+    read_labels,
+    tubes_of_labels,
+)
+from organ_geometry.images.medical_file import MedicalHeader, write_values
 from organ_geometry.mesh import organ_skin
 
 __all__ = ["ATLAS", "MESHES", "TubeFigures", "atlas_names", "join_gaps", "tube_figures"]
@@ -35,6 +49,14 @@ MESHES = {
 }  # fmt: skip
 """The atlas's meshes of each label that is a tube."""
 POINTS = 6000
+# Held-out cases: seeds that nothing was tuned on, sizes of their voxels, and the share of border
+# voxels that have a neighbour's label.
+FIRST_SEED = 9001
+HELD_OUT_SIZES = ((0.8, 0.8, 1.5), (0.5, 0.5, 0.5))
+WRONG_SHARE = 0.02
+THINNEST = 1.0  # radius in voxels: nobody draws a thinner tube
+# A tube is found if its axis is so near, in its radii, and its radius within this part.
+NEAR_RADII, NEAR_RADIUS = 0.35, 0.15
 # Draco meshes of thin tubes have few triangles.
 FEWEST_FACES = 20
 
@@ -151,11 +173,171 @@ def _at(
     return np.where(there, mask[k, j, i], beyond)
 
 
+@dataclass
+class HeldOut:
+    """What was found in volumes of one kind."""
+
+    volumes: int = 0
+    tubes: int = 0
+    tubes_found: int = 0  # with axis and radius near
+    joins: int = 0
+    joins_found: int = 0
+    joins_false: int = 0
+    refused: list[str] = field(default_factory=list[str])
+    wrong: list[str] = field(default_factory=list[str])
+
+
+def held_out_volume(
+    seed: int, sizes: tuple[float, float, float]
+) -> tuple[LabelVolume, Anatomy, dict[str, Floats]]:
+    """Return a drawn case as labels, the case, and its tubes' axes and radii in LPS, (N, 4) mm."""
+    # It is turned at random, voxels at borders have a neighbour's label, and all are stored along
+    # axes that run either way.
+    random = np.random.default_rng(seed)
+    drawn = drawn_anatomy(seed)
+    turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    rows = np.array(HEAD_RIGHT_FRONT) @ turn
+    place = Place(
+        origin_LPS_mm=(0.0, 0.0, 0.0),
+        rows_LPS=tuple(tuple(row) for row in rows.tolist()),  # pyright: ignore[reportArgumentType]
+    )
+    anatomy = msgspec.structs.replace(drawn, place=place)
+    lines = tube_lines(drawn)
+    volume = anatomy_labels(anatomy, lines, sizes)
+    values = volume.values.copy()
+    border = ndimage.grey_dilation(values, 3) != ndimage.grey_erosion(values, 3)
+    places = np.argwhere(border)
+    wrong = places[random.random(len(places)) < WRONG_SHARE]
+    beside = wrong + random.integers(-1, 2, wrong.shape)
+    beside = np.clip(beside, 0, np.array(values.shape) - 1)
+    values[tuple(wrong.T)] = volume.values[tuple(beside.T)]
+    flips = random.random(3) < 0.5  # of I, J, K
+    stored = np.flip(values, axis=tuple((2 - np.flatnonzero(flips)).tolist()))
+    last = np.where(flips, np.array(values.shape[::-1]) - 1, 0)
+    header = MedicalHeader(
+        size=stored.shape[::-1],
+        spacing=tuple(volume.sizes.tolist()),
+        origin=tuple(volume.places(last[np.newaxis])[0].tolist()),
+        direction=tuple((volume.axes * np.where(flips, -1.0, 1.0)).ravel().tolist()),
+        components=1,
+        value_bytes=2,
+        tags={},
+    )
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "labels.nrrd"
+        write_values(file, np.ascontiguousarray(stored.astype(np.uint16)), header)
+        read = read_labels(file)
+    truth = {
+        name: np.column_stack([line.places @ rows, line.radius]) for name, line in lines.items()
+    }
+    return read, anatomy, truth
+
+
+def held_out(seeds: range, sizes: tuple[float, float, float]) -> HeldOut:
+    """Return what is found in the volumes of some seeds."""
+    out = HeldOut()
+    for seed in seeds:
+        volume, anatomy, truth = held_out_volume(seed, sizes)
+        names = {
+            label: name
+            for label, (name, rows) in enumerate(truth.items(), start=1)
+            if rows[:, 3].mean() > THINNEST * np.prod(sizes) ** (1.0 / 3.0)
+        }
+        truth = {name: truth[name] for name in names.values()}
+        joins = [join for join in anatomy.join if {join.tube, join.to} <= truth.keys()]
+        out.volumes += 1
+        out.tubes += len(truth)
+        out.joins += len(joins)
+        try:
+            found = tubes_of_labels(volume, names)
+        except ImageStackError as error:
+            out.refused.append(f"{seed}: {error}")
+            continue
+        for name, rows in truth.items():
+            said = _tube_fault(found, name, rows)
+            out.tubes_found += not said
+            out.wrong += [f"{seed}: {name} {said}"] if said else []
+        right, false, missing = _joins(found, joins, truth)
+        out.joins_found += right
+        out.joins_false += len(false)
+        out.wrong += [f"{seed}: {each}" for each in (*false, *missing)]
+    return out
+
+
+def _tube_fault(found: LabelTubes, name: str, truth: Floats) -> str:
+    """Return what is wrong with a tube beside its true axis and radii, or nothing."""
+    organ = found.tube(name).built.organ
+    at = np.linspace(0.0, organ.length, 60)
+    # Ends are led into other tubes: the middle counts.
+    at = at[(at > 0.15 * organ.length) & (at < 0.85 * organ.length)]
+    away = np.linalg.norm(organ.axis_at(at)[:, np.newaxis] - truth[:, :3], axis=2)
+    nearest = away.argmin(axis=1)
+    off = float(np.sqrt(np.mean(away.min(axis=1) ** 2)))
+    radius = float(np.sqrt(organ.section_properties(at).area / np.pi).mean())
+    true = float(truth[nearest, 3].mean())
+    if off > NEAR_RADII * true:
+        return f"has its axis {off:.2f} mm off, of a radius of {true:.2f} mm"
+    if abs(radius / true - 1.0) > NEAR_RADIUS:
+        return f"has a radius of {radius:.2f} mm, not {true:.2f} mm"
+    return ""
+
+
+def _joins(
+    found: LabelTubes, joins: list[JoinTable], truth: dict[str, Floats]
+) -> tuple[int, list[str], list[str]]:
+    """Return how many joins are found where they are, which are false, and which are missing."""
+    wanted = [
+        (frozenset((join.tube, join.to)), truth[join.tube][-join.end, :3], truth[join.to])
+        for join in joins
+    ]
+    false: list[str] = []
+    right = 0
+    for join in found.joins:
+        place = found.tube(join.tube).axis.places[-join.end]
+        pair = frozenset((join.tube, join.to))
+        near = [
+            number
+            for number, (tubes, at, rows) in enumerate(wanted)
+            if tubes == pair and np.linalg.norm(at - place) < max(2.0, float(np.median(rows[:, 3])))
+        ]
+        if near:
+            wanted.pop(near[0])
+            right += 1
+        else:
+            false.append(f"end {join.end} of {join.tube} does not join {join.to} there")
+    missing = [f"{' and '.join(sorted(tubes))} are not joined" for tubes, _, _ in wanted]
+    return right, false, missing
+
+
+def print_held_out(count: int) -> None:
+    """Measure and print the table of held-out cases."""
+    print("| voxels, mm | volumes | refused | tubes found | joins found | false joins |")
+    print("|---|---|---|---|---|---|", flush=True)
+    notes: list[str] = []
+    for sizes in HELD_OUT_SIZES:
+        found = held_out(range(FIRST_SEED, FIRST_SEED + count), sizes)
+        size = " x ".join(f"{each:g}" for each in sizes)
+        print(
+            f"| {size} | {found.volumes} | {len(found.refused)} | {found.tubes_found} of "
+            f"{found.tubes} | {found.joins_found} of {found.joins} | {found.joins_false} |",
+            flush=True,
+        )
+        notes += [f"{size}, seed {each}" for each in (*found.refused, *found.wrong)]
+    print("\n".join(["", *notes]))
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.label_tubes", description=__doc__)
     parser.add_argument("--draco", action="store_true", help="Search Draco's fewest bytes, too.")
+    parser.add_argument(
+        "--held-out", type=int, default=0, metavar="N", help="Cases of N seeds in place of these."
+    )
     chosen = parser.parse_args()
+    if chosen.held_out:
+        print_held_out(chosen.held_out)
+        return
     if not ATLAS.is_dir():
         parser.error(f"{ATLAS} is not here; set BLUNTDISSECT_DATA")
     columns: list[dict[str, TubeFigures]] = []

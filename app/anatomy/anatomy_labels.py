@@ -32,7 +32,11 @@ def labels_suffix(path: Path) -> None:
         )
 
 
-def anatomy_labels(anatomy: Anatomy, lines: dict[str, TubeLine], voxel_mm: float) -> LabelVolume:
+def anatomy_labels(
+    anatomy: Anatomy,
+    lines: dict[str, TubeLine],
+    voxel_mm: float | tuple[float, float, float],
+) -> LabelVolume:
     """Return a volume in which each voxel is of the tube that its centre lies in.
 
     Where tubes run into each other the thickest has the voxel; ends are cut off flat.
@@ -42,7 +46,7 @@ def anatomy_labels(anatomy: Anatomy, lines: dict[str, TubeLine], voxel_mm: float
     anatomy, lines
         The anatomy and its tubes' axes, which are round here, with an organ or without.
     voxel_mm
-        Size of the voxels, cubes, mm.
+        Size of the voxels, mm: of cubes, or along x, y and z of LPS.
 
     Returns
     -------
@@ -54,8 +58,10 @@ def anatomy_labels(anatomy: Anatomy, lines: dict[str, TubeLine], voxel_mm: float
     ValueError
         If the voxels are too many, or of no size.
     """
-    if not _LEAST_MM <= voxel_mm <= _MOST_MM:
-        raise ValueError(f"voxels are {_LEAST_MM:g} to {_MOST_MM:g} mm large, not {voxel_mm:g} mm")
+    sizes = np.broadcast_to(np.array(voxel_mm, dtype=np.float64), 3).copy()
+    for size in sizes.tolist():
+        if not _LEAST_MM <= size <= _MOST_MM:
+            raise ValueError(f"voxels are {_LEAST_MM:g} to {_MOST_MM:g} mm large, not {size:g} mm")
     rows, origin = np.array(HEAD_RIGHT_FRONT), np.zeros(3)
     if anatomy.place is not None:
         rows, origin = np.array(anatomy.place.rows_LPS), np.array(anatomy.place.origin_LPS_mm)
@@ -63,26 +69,27 @@ def anatomy_labels(anatomy: Anatomy, lines: dict[str, TubeLine], voxel_mm: float
     widest = {name: float(line.radius.max()) for name, line in lines.items()}
     low = np.min([lps[name].min(axis=0) - widest[name] for name in lps], axis=0) - _MARGIN_MM
     high = np.max([lps[name].max(axis=0) + widest[name] for name in lps], axis=0) + _MARGIN_MM
-    counts = np.ceil((high - low) / voxel_mm).astype(np.intp) + 1
+    counts = np.ceil((high - low) / sizes).astype(np.intp) + 1
     if counts.prod(dtype=np.float64) > _MOST_VOXELS:
         raise ValueError(
-            f"voxels of {voxel_mm:g} mm would be {' x '.join(map(str, counts))}: give larger ones"
+            f"voxels of {sizes.min():g} mm would be {' x '.join(map(str, counts))}: give larger "
+            f"ones"
         )
     values = np.zeros(counts[::-1], dtype=np.int32)
     order = list(lines)
     for name in sorted(order, key=lambda each: widest[each]):
-        first = np.floor((lps[name].min(axis=0) - widest[name] - low) / voxel_mm).astype(np.intp)
-        last = np.ceil((lps[name].max(axis=0) + widest[name] - low) / voxel_mm).astype(np.intp) + 1
-        x, y, z = (low[n] + voxel_mm * np.arange(first[n], last[n]) for n in range(3))
+        first = np.floor((lps[name].min(axis=0) - widest[name] - low) / sizes).astype(np.intp)
+        last = np.ceil((lps[name].max(axis=0) + widest[name] - low) / sizes).astype(np.intp) + 1
+        x, y, z = (low[n] + sizes[n] * np.arange(first[n], last[n]) for n in range(3))
         grid = np.stack(np.meshgrid(z, y, x, indexing="ij")[::-1], axis=-1)
-        inside = _inside(lps[name], lines[name], grid.reshape(-1, 3), voxel_mm)
+        inside = _inside(lps[name], lines[name], grid.reshape(-1, 3), float(sizes.min()))
         box = tuple(slice(first[n], last[n]) for n in (2, 1, 0))
         values[box][inside.reshape(grid.shape[:3])] = order.index(name) + 1
     labels = {number + 1: tube for number, tube in enumerate(anatomy.tube)}
     return LabelVolume(
         source=Path(anatomy.name),
         values=values,
-        sizes=np.full(3, voxel_mm),
+        sizes=sizes,
         origin=low,
         axes=np.eye(3),
         names={label: tube.name for label, tube in labels.items()},

@@ -33,8 +33,8 @@ def anatomy(
     labels: Annotated[
         Path | None,
         typer.Option(
-            help="Find the tubes in a volume of labels (NIfTI, NRRD, MetaImage) or a folder of one "
-            "mask a tube; -o is then a folder, for anatomy.toml and an .organ of each tube."
+            help="Find the tubes in a volume of labels (NIfTI, NRRD, MetaImage, DICOM-SEG) or a "
+            "folder of one mask a tube; -o is then a folder, for anatomy.toml and the organs."
         ),
     ] = None,
     names: Annotated[

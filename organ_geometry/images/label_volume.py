@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from organ_geometry.atomic_file import write_atomic
+from organ_geometry.images.dicom_segments import dicom_segments, segmentation_files
 from organ_geometry.images.grey_image import ImageStackError, list_text
 from organ_geometry.images.image_planes import check_pixel_size, check_spacing
 from organ_geometry.images.medical_file import (
@@ -110,11 +111,13 @@ class LabelVolume:
 
 
 def read_labels(path: Path) -> LabelVolume:
-    """Return the labels in a volume file, or in a folder of one mask a tube.
+    """Return the labels in a volume file, a DICOM segmentation, or a folder of one mask a tube.
 
     A NIfTI, NRRD or MetaImage file holds whole numbers, each a label; segments of 3D Slicer's NRRD
-    have their names, in layers too. Of a folder each volume file is a mask, not 0 inside, named by
-    its file; all have one grid. Where masks or layers overlap, the smaller keeps the voxel.
+    have their names, in layers too, and so have those of DICOM (SEG), a file or several in a
+    folder, images beside them or not. Of another folder each volume file is a mask, not 0 inside,
+    named by its file; all have one grid. Where masks or layers overlap, the smaller keeps the
+    voxel.
 
     Parameters
     ----------
@@ -133,6 +136,10 @@ def read_labels(path: Path) -> LabelVolume:
     """
     if not path.exists():
         raise ImageStackError(f"there is no volume of labels at {path}")
+    if files := segmentation_files(path):
+        segments, header = dicom_segments(files)
+        named = [(_Segment(each.name, term=each.term), each.mask) for each in segments]
+        return _of_masks(path, named, header)
     return _masks(path) if path.is_dir() else _one_file(path)
 
 
@@ -214,8 +221,8 @@ def _voxels(path: Path) -> tuple[NDArray[np.int32], MedicalHeader]:
     """Return (K, J, I) whole numbers, or (K, J, I, C), and the header."""
     if not is_volume_file(path):
         raise ImageStackError(
-            f"{path} is no volume of labels: NIfTI, NRRD and MetaImage files are read, or a folder "
-            f"of one mask a tube"
+            f"{path} is no volume of labels: NIfTI, NRRD, MetaImage and DICOM files are read, or a "
+            f"folder of one mask a tube"
         )
     header = read_header(path)
     if len(header.size) != 3:

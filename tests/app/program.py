@@ -77,12 +77,10 @@ def free_port() -> int:
 
 
 @contextlib.contextmanager
-def started(
-    *arguments: object, entry: str = ENTRY, serves: str = "trainer"
-) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """The process of a command that serves pages, and the address that it prints."""
+def started(*arguments: object, entry: str = ENTRY) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A trainer's process and the address that it prints."""
     with subprocess.Popen(
-        command(serves, *arguments, entry=entry),
+        command("trainer", *arguments, entry=entry),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
         try:

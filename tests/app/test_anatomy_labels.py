@@ -14,6 +14,7 @@ from program import refused, run
 from scipy.spatial import KDTree
 
 from app.anatomy import (
+    Anatomy,
     anatomy_labels,
     anatomy_network,
     drawn_anatomy,
@@ -79,6 +80,58 @@ def as_layers(volume: LabelVolume, path: Path) -> Path:
     return path
 
 
+def as_dicom(volume: LabelVolume, folder: Path, names: dict[int, str]) -> Path:
+    """As highdicom writes segments of a CT, whose slices lie in the folder too."""
+    highdicom = pytest.importorskip("highdicom")
+    from pydicom import Dataset, FileMetaDataset
+    from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
+
+    folder.mkdir()
+    study, series, frame = generate_uid(), generate_uid(), generate_uid()
+    slices: list[Dataset] = []
+    for number in range(volume.values.shape[0]):
+        data = Dataset()
+        data.file_meta = FileMetaDataset()
+        data.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+        data.SOPClassUID, data.SOPInstanceUID = CTImageStorage, generate_uid()
+        data.StudyInstanceUID, data.SeriesInstanceUID = study, series
+        data.FrameOfReferenceUID, data.PositionReferenceIndicator = frame, ""
+        data.PatientID, data.PatientName = "none", "No^One"
+        for name in ("PatientBirthDate", "PatientSex", "StudyID", "AccessionNumber", "StudyDate",
+                     "StudyTime", "ReferringPhysicianName"):  # fmt: skip
+            setattr(data, name, "")
+        data.Modality, data.InstanceNumber = "CT", number + 1
+        _, data.Rows, data.Columns = volume.values.shape
+        data.PixelSpacing = volume.sizes[1::-1].tolist()
+        data.SliceThickness = float(volume.sizes[2])
+        data.ImageOrientationPatient = volume.axes[:, :2].T.ravel().tolist()
+        data.ImagePositionPatient = volume.places(np.array([[0, 0, number]]))[0].tolist()
+        slices.append(data)
+    slices[0].save_as(folder / "slice.dcm", enforce_file_format=True)
+    kinds = {"duct": ("28273000", "Bile duct"), "artery": ("51114001", "Artery")}
+    described: list[Any] = []
+    for number, name in enumerate(names.values(), start=1):
+        code, meaning = kinds[name.split()[-1]]
+        described.append(
+            highdicom.seg.SegmentDescription(
+                segment_number=number,
+                segment_label=name,
+                segmented_property_category=highdicom.sr.CodedConcept(
+                    "123037004", "SCT", "Anatomical Structure"
+                ),
+                segmented_property_type=highdicom.sr.CodedConcept(code, "SCT", meaning),
+                algorithm_type=highdicom.seg.SegmentAlgorithmTypeValues.MANUAL,
+            )
+        )
+    masks = np.stack([volume.values == label for label in names], axis=-1).astype(np.uint8)
+    made = highdicom.seg.Segmentation(
+        slices, masks, highdicom.seg.SegmentationTypeValues.BINARY, described, generate_uid(), 1,
+        generate_uid(), 1, "none", "none", "1", "1",
+    )  # fmt: skip
+    made.save_as(folder / f"{'-'.join(map(str, names))}.dcm")
+    return folder
+
+
 def test_a_case_is_written_and_read_again(volume: LabelVolume, names: Path, tmp_path: Path) -> None:
     labels = write(volume, tmp_path / "labels.nii.gz")
     folder = tmp_path / "case"
@@ -136,6 +189,54 @@ def test_names_in_headers_masks_and_layers_give_the_same_case(
         organs[kind] = {file.name: file.read_bytes() for file in folder.glob("*.organ")}
     assert len(organs["json"]) == 3
     assert organs["json"] == organs["header"] == organs["masks"] == organs["layers"]
+
+
+def test_segments_of_dicom_are_those_of_the_volume(volume: LabelVolume, tmp_path: Path) -> None:
+    """One file of all segments or one of each: the voxels, their places, names and terms."""
+    together = read_labels(as_dicom(volume, tmp_path / "one", NAMES))
+    for label, name in NAMES.items():
+        as_dicom(volume, tmp_path / name, {label: name})
+    apart = tmp_path / "apart"
+    apart.mkdir()
+    for label, name in NAMES.items():
+        (tmp_path / name / f"{label}.dcm").rename(apart / f"{label}.dcm")
+    for read in (together, read_labels(apart)):
+        assert read.names == NAMES
+        assert read.terms[3] == "SCT^51114001^Artery"
+        for label in NAMES:
+            k, j, i = np.nonzero(read.values == label)
+            found = read.places(np.stack([i, j, k], axis=1))
+            k, j, i = np.nonzero(volume.values == label)
+            wanted = volume.places(np.stack([i, j, k], axis=1))
+            np.testing.assert_allclose(found, wanted, atol=1e-9)
+        # As much is empty around them as in the volume, or more: no end is cut off.
+        assert min(read.values.shape[0] - 51, 20) == 20
+    # The same tubes; the anatomy's organs are the same where the same voxels are looked at.
+    (tmp_path / "names.json").write_text(json.dumps(NAMES))
+    wide = np.pad(volume.values, ((10, 10), (10, 10), (10, 10)))
+    origin = volume.places(np.array([[-10, -10, -10]]))[0]
+    nifti = write(
+        LabelVolume(volume.source, wide, volume.sizes, origin, volume.axes),
+        tmp_path / "labels.nii.gz",
+    )
+    sources = {"nifti": (nifti, ["--names", tmp_path / "names.json"]), "dicom": (apart, [])}
+    cases: dict[str, Anatomy] = {}
+    for kind, (source, more) in sources.items():
+        done = run("anatomy", "--labels", source, *more, "-o", tmp_path / kind)
+        assert done.returncode == 0, done.stderr
+        cases[kind] = read_anatomy(tmp_path / kind / "anatomy.toml")
+    nifti_case, dicom_case = cases["nifti"], cases["dicom"]
+    assert nifti_case.join == dicom_case.join
+    for one, other in zip(nifti_case.tube, dicom_case.tube, strict=True):
+        np.testing.assert_allclose(one.points_mm, other.points_mm, atol=2e-3)
+        np.testing.assert_allclose(one.radius_mm, other.radius_mm, atol=2e-3)
+
+
+def test_dicom_that_is_no_segmentation_is_refused(volume: LabelVolume, tmp_path: Path) -> None:
+    as_dicom(volume, tmp_path / "ct", NAMES)
+    (tmp_path / "ct" / "1-2-3.dcm").unlink()
+    says = refused(["anatomy", "--labels", tmp_path / "ct", "-o", tmp_path / "case"])
+    assert "ct holds no DICOM segmentation (SEG) but CT" in says
 
 
 def test_what_is_not_named_or_not_solved_is_left_out_with_a_word(

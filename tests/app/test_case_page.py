@@ -1,16 +1,20 @@
 """A case is chosen in the page: tubes left out, joins and ends, saved and practised on."""
 
 import json
+import re
+from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
-from browser import TrainerPage, trainer_page
+from browser import TrainerPage, _newest, trainer_page
 from drawn_labels import Drawn, drawn_volume, write
 from playwright.sync_api import Browser
-from program import LONGEST, refused, started
+from program import LONGEST, refused, run
 
 from app.anatomy import CaseBuilder, CaseChoices, CaseWorkbench, read_anatomy
 from app.anatomy.patient_case import NamedLabel
+from app.trainer.server.trainer import Trainer
 from organ_geometry import read_organ
 
 pytest.importorskip("SimpleITK")
@@ -100,45 +104,67 @@ def standing(tab: TrainerPage) -> tuple[str | None, str | None]:
     return found.get_attribute("data-joins"), found.get_attribute("data-tubes")
 
 
+def field(tab: TrainerPage, label: str) -> str:
+    """What a dropdown shows."""
+    return tab.row(label).locator("input:not([type=hidden])").input_value()
+
+
 def test_a_case_is_built_saved_and_practised_on_in_the_page(
     browser: Browser, tmp_path: Path
 ) -> None:
     labels = write(drawn_volume(TUBES, 1.0), tmp_path / "labels.nii.gz")
     (tmp_path / "names.json").write_text(json.dumps(NAMES))
     folder = tmp_path / "case"
+    said: list[str] = []
+
+    def serve(start: Callable[[], Trainer], say: Callable[[Trainer], object]) -> None:
+        running = start()
+        try:
+            say(running)
+            running.warm_up.wait("calot")
+            with trainer_page(browser, running.link, first_minute=True, node="/scope/state") as tab:
+                use_the_page(tab, folder)
+                said.append(_newest(running, "calot").session.specimen.dissection.organ.name)
+        finally:
+            running.stop()
+
     words = ["--labels", labels, "--names", tmp_path / "names.json", "-o", folder, "--build-page"]
-    with (
-        started(*words, "--port", 0, serves="anatomy") as (_, address),
-        trainer_page(browser, address, first_minute=True, node="/scope/state") as tab,
-    ):
-        tab.start()
-        picture = tab.page.get_by_test_id("case-picture")
-        picture.wait_for()
-        assert "cystic_duct joins gallbladder" in (picture.get_attribute("alt") or "")
-        assert standing(tab) == ("2", "4")
-        tab.choose("Tube", "right_hepatic_artery")
-        tab.eventually(lambda: tab.page.get_by_label("End 1").wait_for())
-        tab.tick("Part of the case")
-        tab.wait_until(lambda: standing(tab) == ("2", "3"), LONGEST)
-        tab.choose("Tube", "cystic_duct")
-        tab.wait_until(lambda: tab.row("End 1").locator("input:not([type=hidden])").input_value()
-                       == "joins gallbladder", LONGEST)  # fmt: skip
-        tab.choose("End 1", "clamped")
-        tab.wait_until(lambda: standing(tab) == ("1", "3"), LONGEST)
-        tab.choose("End 1", "joins gallbladder")
-        tab.wait_until(lambda: standing(tab) == ("2", "3"), LONGEST)
-        tab.press("Save the case")
-        saved = tab.page.get_by_test_id("case-saved")
-        saved.wait_for()
-        assert saved.inner_text() == f"4 files are in {folder}."
-        tab.press("Practise on it")
-        # The panel is made anew and opens on Train; the case is what is in hand.
-        tab.page.get_by_role("tab", name="Train", selected=True).wait_for()
-        assert tab.row("Anatomy").locator("input:not([type=hidden])").input_value() == "case, own"
+    with patch("app.command_line.serving.serve", serve):
+        done = run("anatomy", *words, "--port", 0)
+    assert done.returncode == 0, done.stderr
+    assert re.fullmatch(r"The case is ready: http://127\.0\.0\.1:\d+\n", done.stdout)
+    assert said == ["common_duct"]
     anatomy = read_anatomy(folder / "anatomy.toml")
     assert [tube.name for tube in anatomy.tube] == ["common_duct", "gallbladder", "cystic_duct"]
     for tube in anatomy.tube:
         assert read_organ(folder / f"{tube.name}.organ").length > 10.0
+
+
+def use_the_page(tab: TrainerPage, folder: Path) -> None:
+    """Leave a tube out, take a join away and give it back, save, and practise."""
+    tab.start()
+    picture = tab.page.get_by_test_id("case-picture")
+    picture.wait_for()
+    assert "cystic_duct joins gallbladder" in (picture.get_attribute("alt") or "")
+    assert standing(tab) == ("2", "4")
+    tab.choose("Tube", "right_hepatic_artery")
+    tab.wait_until(lambda: field(tab, "End 1") == "clamped", LONGEST)
+    tab.tick("Part of the case")
+    tab.wait_until(lambda: standing(tab) == ("2", "3"), LONGEST)
+    tab.choose("Tube", "cystic_duct")
+    tab.wait_until(lambda: field(tab, "End 1") == "joins gallbladder", LONGEST)
+    tab.choose("End 1", "clamped")
+    tab.wait_until(lambda: standing(tab) == ("1", "3"), LONGEST)
+    tab.choose("End 1", "joins gallbladder")
+    tab.wait_until(lambda: standing(tab) == ("2", "3"), LONGEST)
+    tab.press("Save the case")
+    saved = tab.page.get_by_test_id("case-saved")
+    saved.wait_for()
+    assert saved.inner_text() == f"4 files are in {folder}."
+    tab.press("Practise on it")
+    # The panel is made anew and opens on Train; the case is what is in hand.
+    tab.page.get_by_role("tab", name="Train", selected=True).wait_for()
+    assert field(tab, "Anatomy") == "case, own"
 
 
 @pytest.mark.parametrize(
