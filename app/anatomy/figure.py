@@ -74,7 +74,7 @@ def anatomy_figure(
         picture.set_ylim(low[y], high[y])
     if inches[0] < _NARROW:
         figure.legend(
-            *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2,
+            *axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=2,
             fontsize="small", frameon=False,
         )  # fmt: skip
     else:
