@@ -15,33 +15,43 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from app.rl.environment import DissectionVectorEnv
-from app.simulation import HAND_SPEED, run_json
+from app.rl.task import Task
+from app.simulation import ELEMENTS, HAND_SPEED, run_json
 
 __all__ = ["features", "measure_cheats", "policy_actions"]
 
 Floats = NDArray[np.float64]
 
-EXERCISES = ("window", "follow_front", "free_scar")
+EXERCISES: dict[str, dict[str, Any]] = {
+    "window": {},
+    "follow_front": {},
+    "free_scar": {},
+    "critical_view": {"anatomy": "normal"},
+}
 POPULATION, TIME_LIMIT_S, TICKS_PER_STEP = 16, 20.0, 6
 FOLDER = Path(__file__).parents[1] / "build" / "cheats"
 REWARD = {"errors": 0.0, "stress": 0.0, "failed": -0.2}
 SIGMA = 0.6
-# Numbers of an action: velocity, jaws and grip of each hand.
-OUTPUTS = 10
 
 
-def features(observed: dict[str, NDArray[Any]]) -> Floats:
-    """Return (N, F) of N observations: each hand about the goal, what is free, and time."""
-    hands, goal = observed["hands"].astype(np.float64), observed["goal"].astype(np.float64)
-    middle = 0.5 * (goal[:, :1] + goal[:, 1:2])
-    parts = [goal[:, 3:4], 1.0 - goal[:, 4:5] / TIME_LIMIT_S, np.ones((len(goal), 1))]
+def centre_of(task: Task) -> Floats:
+    """Return where an exercise is about, (3,) mm: under its stretch of duct, or amid the tubes."""
+    if task.goal is not None:
+        return np.array([0.5 * (task.goal.from_mm + task.goal.to_mm), 0.0, -6.0])
+    tubes = task.duct.tubes(elements=ELEMENTS).network.tubes.values()
+    return np.concatenate([each.places for each in tubes]).mean(axis=0)
+
+
+def features(observed: dict[str, NDArray[Any]], centre: Floats) -> Floats:
+    """Return (N, F) of N observations: each hand about a centre, what is done, and time."""
+    hands = observed["hands"].astype(np.float64)
+    # Both end with progress and the time left.
+    goal = observed["goal" if "goal" in observed else "view"].astype(np.float64)
+    parts = [goal[:, -2:-1], 1.0 - goal[:, -1:] / TIME_LIMIT_S, np.ones((len(goal), 1))]
     for hand in range(hands.shape[1]):
-        place = hands[:, hand, :3]
         force = np.sqrt((hands[:, hand, 3:6] ** 2).sum(axis=1, keepdims=True))
         parts += [
-            (place[:, :1] - middle) / 10.0,
-            place[:, 1:2] / 10.0,
-            (place[:, 2:3] + 6.0) / 5.0,
+            (hands[:, hand, :3] - centre) / (10.0, 10.0, 5.0),
             force,
             hands[:, hand, 6:7],
             hands[:, hand, 7:8] / 20.0,
@@ -61,15 +71,17 @@ def search(exercise: str, seconds: float) -> dict[str, Any]:
     envs = DissectionVectorEnv(
         POPULATION,
         exercise=exercise,
+        **EXERCISES[exercise],
         ticks_per_step=TICKS_PER_STEP,
         time_limit=TIME_LIMIT_S,
         speed=HAND_SPEED,
         reward=REWARD,
     )
     observed, _ = envs.reset(seed=1)
-    size = features(observed).shape[1]
+    centre, outputs = centre_of(envs.task), envs.task.size
+    size = features(observed, centre).shape[1]
     evolution = cma.CMAEvolutionStrategy(
-        np.zeros(OUTPUTS * size), SIGMA, {"popsize": POPULATION, "seed": 1, "verbose": -9,
+        np.zeros(outputs * size), SIGMA, {"popsize": POPULATION, "seed": 1, "verbose": -9,
                                           "CMA_diagonal": True},
     )  # fmt: skip
     draw, start = np.random.default_rng(1), time.monotonic()
@@ -78,11 +90,11 @@ def search(exercise: str, seconds: float) -> dict[str, Any]:
     cheats: Counter[str] = Counter()
     while time.monotonic() - start < seconds:
         asked = evolution.ask()
-        weights = np.array(asked).reshape(POPULATION, OUTPUTS, size)
+        weights = np.array(asked).reshape(POPULATION, outputs, size)
         observed, _ = envs.reset(options={"bed_seed": int(draw.integers(1, 21))})
         returns, over = np.zeros(POPULATION), np.zeros(POPULATION, np.bool_)
         while not over.all():
-            actions = policy_actions(weights, features(observed))
+            actions = policy_actions(weights, features(observed, centre))
             observed, rewards, terminated, truncated, infos = envs.step(actions)
             ended = (terminated | truncated) & ~over
             returns += np.where(over, 0.0, rewards)
