@@ -8,12 +8,15 @@ import threading
 from collections.abc import Callable, Generator
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.command_line.answer import AsJson, answer, print_lines
 from app.command_line.load import PRESET_NAMES, chosen_theory, organ_from, with_law
+
+if TYPE_CHECKING:
+    from app.anatomy import Anatomy
 
 __all__ = ["haptics"]
 
@@ -42,6 +45,11 @@ def haptics(
         str | None, typer.Option(help="The tissue that the duct lies in: normal, loose, firm, ...")
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the bed's scatter.")] = 1,
+    anatomy: Annotated[
+        str | None,
+        typer.Option(help="Instead: a shipped anatomy's name or an anatomy file, with --tube."),
+    ] = None,
+    tube: Annotated[str | None, typer.Option(help="Which tube of the anatomy is felt.")] = None,
     theory: Annotated[
         str | None, typer.Option(help="cubic or exact.", show_default="cubic; exact in a bed")
     ] = None,
@@ -137,16 +145,28 @@ def haptics(
             "a duct in a bed is solved by the exact beam in space, with shear: leave out --theory "
             "and --shear"
         )
-    specimen = Specimen.of_sections(
-        with_law(chosen_preset(preset), law),
-        None if organ is None else organ_from(organ),
-        None if bed is None else bed_named(bed),
-        bed_seed=seed,
-        theory=None
-        if bed is not None
-        else chosen_theory(theory or "cubic", q=None, shear=shear, law=law),
+    own = bed is not None or organ is not None or theory is not None or shear or law is not None
+    if anatomy is not None and own:
+        raise ValueError(
+            "an anatomy has its own tissue and is solved by the exact beam in space: leave out "
+            "--bed, --organ, --theory, --shear and --law"
+        )
+    if anatomy is None and tube is not None:
+        raise ValueError("--tube is of an anatomy: give --anatomy")
+    specimen = (
+        Specimen.of_anatomy(_anatomy(anatomy))
+        if anatomy is not None
+        else Specimen.of_sections(
+            with_law(chosen_preset(preset), law),
+            None if organ is None else organ_from(organ),
+            None if bed is None else bed_named(bed),
+            bed_seed=seed,
+            theory=None
+            if bed is not None
+            else chosen_theory(theory or "cubic", q=None, shear=shear, law=law),
+        )
     )
-    choice = DuctChoice.of(specimen, grasp, second)
+    choice = DuctChoice.of(specimen, grasp, second, tube)
     settings = LoopSettings(rate, scale, hold)
     script = read_hand(hand)
     opened = [(device, DeviceOptions(address, settings.period, script))]
@@ -195,6 +215,7 @@ def _serve(address: str, hand: Path | None) -> None:
 
 def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     """Make a run again and say whether its forces are the same to the bit."""
+    from app.anatomy import anatomy_named
     from app.bounded_file import read_bounded
     from app.haptics.device_run import MOST_BYTES, read_device_run
     from app.haptics.duct_choice import DuctChoice, played_again
@@ -203,14 +224,18 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     content = read_bounded(file, MOST_BYTES, "device run")
     run = read_device_run(content)
     tissue = None if run.organ_sha256 is None else organ_from(organ)
-    specimen = Specimen.of_sections(
-        with_law(chosen_preset(run.preset), run.theory.law, run.theory.stiffening),
-        tissue,
-        None if run.bed is None else bed_named(run.bed),
-        bed_seed=run.bed_seed,
-        theory=run.theory.theory() if run.bed is None else None,
-    )
-    choice = DuctChoice.of(specimen, *run.grasps_mm)
+    if run.anatomy is not None:
+        specimen = Specimen.of_anatomy(anatomy_named(run.anatomy))
+    else:
+        specimen = Specimen.of_sections(
+            with_law(chosen_preset(run.preset), run.theory.law, run.theory.stiffening),
+            tissue,
+            None if run.bed is None else bed_named(run.bed),
+            bed_seed=run.bed_seed,
+            theory=run.theory.theory() if run.bed is None else None,
+        )
+    first, *second = run.grasps_mm
+    choice = DuctChoice.of(specimen, first, second[0] if second else None, run.tube)
     loop, again, closes_to = played_again(run, choice)
     same = again.forces_sha256 == run.forces_sha256
     facts = {
@@ -223,6 +248,13 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
         "bytes": len(content),
     }
     answer(facts, facts.items(), as_json=as_json)
+
+
+def _anatomy(name: str) -> "Anatomy":
+    """Return a shipped anatomy or that of a file."""
+    from app.anatomy import anatomy_named, read_anatomy, shipped_anatomies
+
+    return anatomy_named(name) if name in shipped_anatomies() else read_anatomy(Path(name))
 
 
 @contextlib.contextmanager

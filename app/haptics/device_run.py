@@ -10,6 +10,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from app.anatomy import Anatomy
 from app.bounded_file import decoded
 from app.haptics.device import DeviceLimits
 from app.haptics.servo_loop import LoopSettings
@@ -47,6 +48,8 @@ class DeviceRun(Struct, frozen=True, forbid_unknown_fields=True):
     forces_sha256: str  # of the forces given
     bed: str | None = None  # that ships; None for a duct that nothing holds
     bed_seed: int = 1
+    anatomy: str | Anatomy | None = None  # of several tubes, the name of one that ships, or whole
+    tube: str | None = None  # of them, which was felt
     format: str = FORMAT
     version: int = VERSION
 

@@ -8,7 +8,8 @@ from app.haptics.haptic_beam import HapticBeam, HapticModel
 from app.haptics.haptic_bed import HapticBed
 from app.haptics.regulator import WORK
 from app.haptics.servo_loop import LoopSettings, ServoLoop
-from app.simulation import ELEMENTS, OrganIdentity, Specimen, TheoryChoice
+from app.simulation import ELEMENTS, OrganIdentity, Specimen, TheoryChoice, anatomy_or_name
+from physics.bed import BeamOnBed
 
 __all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "passive_delay", "played_again"]
 
@@ -34,16 +35,40 @@ def passive_delay(coupling: float, limits: DeviceLimits, settings: LoopSettings)
 
 @dataclass(frozen=True, slots=True)
 class DuctChoice:
-    """A specimen and where it is hooked: at one or two stations, mm from the first clamp."""
+    """A specimen and where it is hooked: at one or two stations, mm from the first clamp.
+
+    Of an anatomy, on which `tube`.
+    """
 
     specimen: Specimen
     grasps: tuple[float, ...]
+    tube: str | None = None
 
     @classmethod
     def of(
-        cls, specimen: Specimen, grasp: float | None = None, second: float | None = None
+        cls,
+        specimen: Specimen,
+        grasp: float | None = None,
+        second: float | None = None,
+        tube: str | None = None,
     ) -> "DuctChoice":
         """Return a choice; the first hook is in the middle if `grasp` is None."""
+        if specimen.anatomy is not None:
+            tubes = specimen.tubes(elements=ELEMENTS)
+            if tube not in tubes.names:
+                given = "none is named" if tube is None else f"there is no {tube!r}"
+                raise ValueError(f"which tube is felt? {given}: {', '.join(tubes.names)}")
+            span = tubes.network.tubes[tube].span
+            grasps = (
+                0.5 * span if grasp is None else grasp,
+                *(() if second is None else (second,)),
+            )
+            for each in grasps:
+                if not 0.0 <= each <= span:
+                    raise ValueError(
+                        f"a hook at {each:g} mm is not on {tube}, of 0 to {span:.4g} mm"
+                    )
+            return cls(specimen, tuple(sorted(grasps)), tube)
         beam = specimen.beam
         first = 0.5 * beam.span if grasp is None else grasp
         grasps = (first,) if second is None else tuple(sorted((first, second)))
@@ -65,6 +90,18 @@ class DuctChoice:
                 threshold=specimen.threshold,
                 coupling=coupling,
             )
+        if self.tube is not None:
+            tubes = specimen.tubes(elements=ELEMENTS)
+            strengths = dict(zip(tubes.names, tubes.strengths, strict=True))
+            return HapticBed(
+                BeamOnBed(tubes.network, tubes.strands, floor=tubes.floor, retrace=retrace),
+                self.grasps,
+                threshold=strengths[self.tube],
+                coupling=coupling,
+                period=period,
+                tube=self.tube,
+                strengths=strengths,
+            )
         beam = specimen.space_beam(elements=ELEMENTS, nodes_at=self.grasps)
         return HapticBed(
             specimen.on_bed(beam, retrace=retrace),
@@ -85,10 +122,12 @@ class DuctChoice:
     ) -> DeviceRun:
         """Return a recorded run for a file."""
         specimen = self.specimen
-        organ, bed = specimen.organ, specimen.bed
+        organ, bed, anatomy = specimen.organ, specimen.bed, specimen.anatomy
         return DeviceRun(
             preset=specimen.preset.name,
-            organ_sha256=None if organ is None else OrganIdentity.of(organ).sha256,
+            organ_sha256=None
+            if organ is None or anatomy is not None
+            else OrganIdentity.of(organ).sha256,
             theory=TheoryChoice.of(specimen.solved_by),
             grasps_mm=self.grasps,
             threshold_MPa=specimen.threshold,
@@ -106,6 +145,8 @@ class DuctChoice:
             forces_sha256=recorder.forces_sha256,
             bed=None if bed is None else bed.name,
             bed_seed=specimen.bed_seed,
+            anatomy=None if anatomy is None else anatomy_or_name(anatomy),
+            tube=self.tube,
         )
 
 

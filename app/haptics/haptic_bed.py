@@ -19,6 +19,7 @@ may hold the duct or part strands meanwhile: `Touch` says how, some thirty times
 
 import copy
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 
 import numpy as np
@@ -95,7 +96,8 @@ class HapticBed:
     `grasps` are where they take the duct, mm from the first clamp, growing; hooks that are at
     `tips`, (H, 3) mm, take it there. The wall tears at the stress `threshold`, MPa; `coupling` is
     the stiffness of the virtual coupling, N/mm, `period` that of the servo, s. `touch` is what
-    another hand does to the beam already.
+    another hand does to the beam already. Of several tubes `tube` is taken, and each tears at its
+    own of the `strengths`, MPa.
     """
 
     def __init__(
@@ -108,6 +110,8 @@ class HapticBed:
         period: float,
         tips: NDArray[np.float64] | None = None,
         touch: Touch | None = None,
+        tube: str | None = None,
+        strengths: Mapping[str, float] | None = None,
     ) -> None:
         positive(coupling, "coupling", "N/mm")
         hooks = len(grasps)
@@ -116,7 +120,7 @@ class HapticBed:
         self._at_first, self._touch_at_first = beam, touch
         if beam.beam.wall is None:
             raise ValueError("a beam without a wall tears nowhere and cannot be felt")
-        self._wall = beam.beam.wall
+        self._wall, self._tube, self._strengths = beam.beam.wall, tube, dict(strengths or {})
         self.pushes, self.free = True, tips is not None
         self._tips_at_first = np.zeros((hooks, 3)) if tips is None else np.array(tips)
         self.forces, self.elastic_forces = np.zeros((hooks, 3)), np.zeros((hooks, 3))
@@ -224,10 +228,19 @@ class HapticBed:
     def station_of(self, hook: int) -> float | None:
         """Return where a hook holds the beam, mm from its first end, or None."""
         node = self._nodes[hook]
-        return None if node is None or self.torn else float(self.beam.stations[node])
+        if node is None or self.torn:
+            return None
+        at = np.flatnonzero(self.beam.nodes_of(self._tube) == node)[0]
+        return float(self.beam.stations_of(self._tube)[at])
 
     def _stress(self) -> float:
-        """Return the largest stress in the wall, MPa."""
+        """Return the largest stress in the wall, MPa; of several, as a part of the threshold."""
+        if self._strengths:
+            stresses = self.beam.stresses()
+            return self.threshold * max(
+                self.beam.worst_stress(tube, stresses).total / strength
+                for tube, strength in self._strengths.items()
+            )
         if self.beam.beam.fibres is not None:
             return self.beam.worst_stress().total
         return _worst_stress(self.beam.state.section, self._wall)
@@ -235,7 +248,10 @@ class HapticBed:
     @property
     def solved_by(self) -> str:
         """What solves it, in words."""
-        return f"exact in space, {self.beam.strands.count} strands of a bed"
+        tubes, strands = len(self.beam.network.tubes), self.beam.strands.count
+        if tubes > 1:
+            return f"exact in space, {tubes} tubes, {strands} strands"
+        return f"exact in space, {strands} strands of a bed"
 
     @property
     def parted(self) -> int:
@@ -256,7 +272,7 @@ class HapticBed:
             if self.free:
                 station = min(max(float(tip[0]), 0.0), beam.beam.span)
             try:
-                node = self._nodes[hook] = beam.take(station, stiffness=self.coupling)
+                node = self._nodes[hook] = beam.take(station, self._tube, stiffness=self.coupling)
             except ValueError:
                 if not self.free:
                     raise

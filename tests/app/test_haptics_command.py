@@ -9,17 +9,21 @@ from pathlib import Path
 from typing import Any
 
 import haply_pages as pages
+import msgspec
+import numpy as np
 import pytest
 from program import LONGEST, command, refused, run, run_process
 from websockets.sync.server import ServerConnection, serve
 
-from app.haptics.device import DeviceOptions
-from app.haptics.duct_choice import passive_coupling
+from app.anatomy import anatomy_named
+from app.haptics.device import DeviceLimits, DeviceOptions
+from app.haptics.device_run import Recorder
+from app.haptics.duct_choice import DuctChoice, passive_coupling
 from app.haptics.hand import read_hand
 from app.haptics.servo import Servo
-from app.haptics.servo_loop import LoopSettings, ServoLoop
+from app.haptics.servo_loop import FRESH, LIVE, LoopSettings, ServoLoop
 from app.haptics.servo_process import DuctSetting
-from app.simulation import preset_named
+from app.simulation import Specimen, preset_named
 from physics import Cubic
 
 ROOT = Path(__file__).parents[2]
@@ -50,6 +54,30 @@ def test_a_virtual_run_reports_records_and_is_made_again(tmp_path: Path) -> None
     assert 0.0 < again["work_closes_to"] < 1e-6
     assert again["periods"] == made["periods"]
     assert again["bytes"] == record.stat().st_size
+
+
+def test_a_tube_of_an_anatomy_is_felt_until_one_tears(tmp_path: Path) -> None:
+    """A loop without a clock, and the same run again from its file: to the bit."""
+    anatomy = anatomy_named("normal")
+    choice = DuctChoice.of(Specimen.of_anatomy(anatomy), 12.0, None, "artery")
+    settings, limits = LoopSettings(), DeviceLimits(8.0, 200.0, 0.0)
+    loop, recorder = ServoLoop(choice.haptic_model(1.0), settings, limits), Recorder(1)
+    largest = 0.0
+    for period in range(1200):
+        places, bits = np.array([[0, 0, 80 * period]]), [FRESH | LIVE]
+        loop.step(places, bits)
+        recorder.keep(places, bits, loop.given)
+        largest = max(largest, float(loop.model.forces[0, 2]))
+    assert loop.model.torn
+    assert 0.2 < largest < 2.0
+    run = choice.run(recorder, settings, limits, coupling=1.0, assist=0.0)
+    assert run.anatomy == "normal"
+    record = tmp_path / "run.json"
+    record.write_bytes(msgspec.json.encode(run))
+    again = json.loads(run_process("haptics", "--replay", str(record), "--json").stdout)
+    assert again["as_recorded"] is True
+    assert again["torn"] is True
+    assert again["work_closes_to"] < 1e-4
 
 
 def test_the_driver_of_haply_feels_the_virtual_device_until_a_signal() -> None:
@@ -96,6 +124,17 @@ def test_a_service_that_goes_away_is_an_error_with_a_report(tmp_path: Path) -> N
         ([], "one of --serve-virtual, --device and --replay"),
         (["--device", "spoon"], "there are: "),
         (["--device", "virtual", "--theory", "fem"], "cannot be felt"),
+        (["--device", "virtual", "--anatomy", "normal"], "which tube is felt? none is named: "),
+        (["--device", "virtual", "--anatomy", "normal", "--tube", "a"], "there is no 'a': common"),
+        (["--device", "virtual", "--tube", "artery"], "give --anatomy"),
+        (
+            ["--device", "virtual", "--anatomy", "normal", "--tube", "cystic", "--grasp", "50"],
+            "a hook at 50 mm is not on cystic, of 0 to 23 mm",
+        ),
+        (
+            ["--device", "virtual", "--anatomy", "normal", "--tube", "cystic", "--bed", "firm"],
+            "an anatomy has its own tissue",
+        ),
         (["--device", "virtual", "--second-at", "3"], "give --second"),
         (["--device", "virtual", "--second", "9", "--second-at", "nan"], "says how far"),
         (["--device", "haply", "--address", "http://a"], "ws://127.0.0.1:10001"),
