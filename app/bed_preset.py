@@ -22,8 +22,8 @@ __all__ = [
 class PatchPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An adhesion: where it is along its bed, as fractions of the bed's length."""
 
-    from_share: float
-    to_share: float
+    from_fraction: float
+    to_fraction: float
     factor: float  # on the strands' toughness and stiffness
 
 
@@ -33,19 +33,19 @@ class BedPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str
     title: str
     description: str
-    toughness_J_m2: float  # noqa: N815 (units are written as they are)
+    toughness_J_per_m2: float  # noqa: N815 (units are written as they are)
     source: str
     confidence: Literal["high", "medium", "low"]
     confidence_note: str
     yield_mm: float = 1.5
-    part_mm: float = 4.0
+    failure_mm: float = 4.0
     gap_mm: float = 3.0
     around_deg: float = 70.0
     fan_deg: float = 25.0
     slack_mm: float = 1.0
     scatter: float = 0.3
-    strands_a_mm: float = 11.811
-    floor_N_mm2: float = 0.3  # noqa: N815
+    strands_per_mm: float = 11.811
+    floor_N_per_mm2: float = 0.3  # noqa: N815
     patch: PatchPreset | None = None
     relaxation: str | None = None  # how its strands relax, by name; not at all when None
 
@@ -63,15 +63,15 @@ class BedPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         b = beam.span if to_mm is None else to_mm
         around = math.radians(self.around_deg)
         radius = float(np.trapezoid(beam.radius, beam.stations)) / beam.span
-        toughness = 1e-3 * self.toughness_J_m2 * 2.0 * around * radius
+        toughness = 1e-3 * self.toughness_J_per_m2 * 2.0 * around * radius
         found = Bed(
             from_mm=a,
             to_mm=b,
-            strands=max(1, round(self.strands_a_mm * (b - a))) if strands is None else strands,
-            stiffness=2.0 * toughness / (self.yield_mm * self.part_mm),
+            strands=max(1, round(self.strands_per_mm * (b - a))) if strands is None else strands,
+            stiffness=2.0 * toughness / (self.yield_mm * self.failure_mm),
             toughness=toughness,
-            softening=self.part_mm / self.yield_mm,
-            floor=self.floor_N_mm2,
+            softening=self.failure_mm / self.yield_mm,
+            floor=self.floor_N_per_mm2,
             gap=self.gap_mm,
             around=around,
             fan=math.radians(self.fan_deg),
@@ -85,8 +85,8 @@ class BedPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         length = b - a
         return found.with_patch(
             Patch(
-                a + self.patch.from_share * length,
-                a + self.patch.to_share * length,
+                a + self.patch.from_fraction * length,
+                a + self.patch.to_fraction * length,
                 self.patch.factor,
             )
         )

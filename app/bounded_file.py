@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 import msgspec
 import msgspec.inspect
 
+from app.older_keys import with_present_keys
+
 __all__ = ["decoded", "read_bounded"]
 
 T = TypeVar("T")
@@ -26,15 +28,15 @@ def read_bounded(path: Path, most: int, kind: str) -> bytes:
 
 
 def decoded(
-    decode: Callable[..., T],
+    decode: Callable[[Any], Any],
     content: bytes | str,
     kind: type[T],
     wrong: str,
     error: type[ValueError] = ValueError,
 ) -> T:
-    """Return what JSON or TOML holds, by msgspec's `decode`; an error says what is `wrong`, why."""
+    """Return what JSON or TOML holds, older keys too; an error says what is `wrong`, and why."""
     try:
-        return decode(content, type=kind)
+        return msgspec.convert(with_present_keys(decode(content)), kind, str_keys=True)
     except UnicodeDecodeError:
         raise error(f"{wrong}: it is not text") from None
     except (msgspec.MsgspecError, RecursionError) as fault:  # nested without end

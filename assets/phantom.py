@@ -202,8 +202,8 @@ def _eased(stations: ArrayLike, table: tuple[tuple[float, float], ...]) -> NDArr
     knots, values = np.array(table).T
     held = np.clip(np.asarray(stations, dtype=np.float64), knots[0], knots[-1])
     before = np.clip(np.searchsorted(knots, held, side="right") - 1, 0, len(knots) - 2)
-    share = (held - knots[before]) / (knots[before + 1] - knots[before])
-    ease = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    fraction = (held - knots[before]) / (knots[before + 1] - knots[before])
+    ease = fraction**3 * (10.0 - 15.0 * fraction + 6.0 * fraction**2)
     return values[before] + (values[before + 1] - values[before]) * ease
 
 

@@ -30,12 +30,12 @@ STATIONS, ANGLES = 600, 64
 CHECK_POINTS = 10_000
 # Tolerances of each section, in target errors: the target is the error of all together, sought with
 # each of these in turn, because the steps of integers are multiples of them.
-LOOSE_SHARES = (3.0, 4.0, 5.0)
+LOOSE_FRACTIONS = (3.0, 4.0, 5.0)
 
 # Most organs built in a search, and the share of the target from which one is near enough.
 STEPS, NEAR_ENOUGH = 5, 0.985
 # An overall tolerance that is refused is raised by the one; none is below the other, in targets.
-RAISE, LEAST_SHARE = 1.15, 0.3
+RAISE, LEAST_FRACTION = 1.15, 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +81,7 @@ class OrganSearch:
         """Return the smallest organ file whose error is a target at most."""
         overall = target
         enough: list[OrganBytes] = []
-        for loose in LOOSE_SHARES:
+        for loose in LOOSE_FRACTIONS:
             found = self._sought(target, loose, overall)
             enough += found
             if found:
@@ -103,7 +103,7 @@ class OrganSearch:
                     break
             # What edges and mesh differ by adds to what edges and organ do, in squares.
             squared = overall**2 + (0.5 * (1.0 + NEAR_ENOUGH) * target) ** 2 - found.rms**2
-            overall = max(math.sqrt(max(squared, 0.0)), LEAST_SHARE * target)
+            overall = max(math.sqrt(max(squared, 0.0)), LEAST_FRACTION * target)
             if overall <= refused:
                 break
         return enough

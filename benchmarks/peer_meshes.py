@@ -71,12 +71,12 @@ def cubes_mesh(stack: ImageStack, blur: float, step: int) -> Mesh:
     middle = 0.5 * (np.array(stack.shape[::-1]) - 1.0)
     plane = (vertices[:, :0:-1] + (left, top) - middle) * stack.pixel_size
     before = np.clip(places.astype(int), 0, len(stack) - 2)
-    share = (places - before)[:, np.newaxis]
+    fraction = (places - before)[:, np.newaxis]
     ends = [
         stack.origins[place] + np.einsum("nij,nj->ni", stack.frames[place][:, :, :2], plane)
         for place in (before, before + 1)
     ]
-    return ends[0] * (1.0 - share) + ends[1] * share, np.asarray(faces, dtype=np.int64)
+    return ends[0] * (1.0 - fraction) + ends[1] * fraction, np.asarray(faces, dtype=np.int64)
 
 
 def _smoothed(rings: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:

@@ -93,11 +93,11 @@ def measure_policies(console: Console) -> dict[str, Any]:
             for count in COUNTS
             for threads in sorted({1, cores()})
         }
-    share = 1.0 - alone["physics_ms"] / alone["tick_ms"]
+    fraction = 1.0 - alone["physics_ms"] / alone["tick_ms"]
     console.print(
         f"One environment: {alone['ticks_per_cpu_second']:,.0f} ticks of 1/30 s a second of one "
         f"core, {alone['tick_ms']:.2f} ms each, of which the physics is "
-        f"{alone['physics_ms']:.2f} ms and all else {100.0 * share:.0f} %; "
+        f"{alone['physics_ms']:.2f} ms and all else {100.0 * fraction:.0f} %; "
         f"{megabytes:.2f} MB a bed; load {os.getloadavg()[0]:.1f}",
         highlight=False,
         soft_wrap=True,

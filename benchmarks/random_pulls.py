@@ -165,38 +165,38 @@ def main() -> None:
     with ProcessPoolExecutor(cores(), get_context("spawn")) as pool:
         for name, count in zip(PLAYS, (ticked, balanced), strict=True):
             began = said = time.monotonic()
-            shares: dict[int, float] = {}
+            fractions: dict[int, float] = {}
             lost = 0
             seeds = range(first, first + count)
             # In the order in which they end: one slow pull holds up no line.
             plays = {pool.submit(played, (name, seed)): seed for seed in seeds}
             for play in as_completed(plays):
                 seed = plays.pop(play)
-                shares[seed], why = play.result()
+                fractions[seed], why = play.result()
                 if why:
                     lost += 1
                     print(f"{name}, seed {seed}: lost: {why}", flush=True)
                 now = time.monotonic()
                 if now - said > EVERY or not plays:
                     said = now
-                    print(summary(name, shares, lost, now - began), flush=True)
-            worst = sorted(shares, key=lambda seed: -shares[seed])[:5]
+                    print(summary(name, fractions, lost, now - began), flush=True)
+            worst = sorted(fractions, key=lambda seed: -fractions[seed])[:5]
             if worst:
-                told = ", ".join(f"{seed} ({shares[seed]:.1e})" for seed in worst)
+                told = ", ".join(f"{seed} ({fractions[seed]:.1e})" for seed in worst)
                 print(f"{name}: the most unexplained energy in seeds {told}", flush=True)
 
 
-def summary(name: str, shares: dict[int, float], lost: int, seconds: float) -> str:
+def summary(name: str, fractions: dict[int, float], lost: int, seconds: float) -> str:
     """Return a line about the pulls so far."""
-    kept = np.array([share for share in shares.values() if np.isfinite(share)])
+    kept = np.array([fraction for fraction in fractions.values() if np.isfinite(fraction)])
     energy = ""
     if kept.size:
         energy = (
             f"; unexplained energy at the median {np.median(kept):.1e}, at 99 % "
             f"{np.percentile(kept, 99):.1e} of the work, above {OPEN:g} in {(kept > OPEN).sum()}"
         )
-    rate = len(shares) / seconds
-    return f"{name}: {len(shares):,} pulls, {lost} lost, {rate:.3g} a second{energy}"
+    rate = len(fractions) / seconds
+    return f"{name}: {len(fractions):,} pulls, {lost} lost, {rate:.3g} a second{energy}"
 
 
 if __name__ == "__main__":

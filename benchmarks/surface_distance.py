@@ -96,10 +96,12 @@ def _triangle_distance(point, corners):  # pragma: no cover
         if turn < 0.0:
             inside = False
         length = e0 * e0 + e1 * e1 + e2 * e2
-        share = 0.0
+        fraction = 0.0
         if length > 0.0:
-            share = min(1.0, max(0.0, (a0 * e0 + a1 * e1 + a2 * e2) / length))
-        rim = min(rim, (a0 - share * e0) ** 2 + (a1 - share * e1) ** 2 + (a2 - share * e2) ** 2)
+            fraction = min(1.0, max(0.0, (a0 * e0 + a1 * e1 + a2 * e2) / length))
+        rim = min(
+            rim, (a0 - fraction * e0) ** 2 + (a1 - fraction * e1) ** 2 + (a2 - fraction * e2) ** 2
+        )
     if not inside:
         return np.sqrt(rim)
     away = point - corners[0]

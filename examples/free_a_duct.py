@@ -17,13 +17,13 @@ history = pull(duct, bed, [Hand(at=31.0, path=((0.0, 3.0, 9.0),), steps=60)])
 lift = history.hands[:, 0, 2]
 force = np.linalg.norm(history.forces[:, 0], axis=1)
 assert history.stress is not None  # the bar has a wall
-share = history.stress / STRENGTH
+fraction = history.stress / STRENGTH
 print(f"freed        {history.freed[-1]:.1f} mm, {history.broken[-1]} strands broken")
 print(f"force        {force.max():.2f} N at most")
-print(f"to the break {100 * (1 - share[-1]):.0f} % left")
+print(f"to the break {100 * (1 - fraction[-1]):.0f} % left")
 
 figure, axes = plt.subplots(3, figsize=(8.0, 6.0), sharex=True, layout="constrained")
-rows = {"force, N": force, "freed, mm": history.freed, "stress, % of strength": 100 * share}
+rows = {"force, N": force, "freed, mm": history.freed, "stress, % of strength": 100 * fraction}
 for axis, (label, values) in zip(axes, rows.items(), strict=True):
     axis.plot(lift, values)
     axis.set(ylabel=label)

@@ -185,9 +185,9 @@ class Organ:
 
     def frames_at(self, stations: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (N, 3, 3) frames, between two sections the perpendicular mean of theirs."""
-        before, share = _neighbours(self.stations, np.asarray(stations, dtype=np.float64))
-        share = share[:, np.newaxis, np.newaxis]
-        mixed = self.frames[before] * (1.0 - share) + self.frames[before + 1] * share
+        before, fraction = _neighbours(self.stations, np.asarray(stations, dtype=np.float64))
+        fraction = fraction[:, np.newaxis, np.newaxis]
+        mixed = self.frames[before] * (1.0 - fraction) + self.frames[before + 1] * fraction
         normal = mixed[:, :, 2] / np.linalg.norm(mixed[:, :, 2], axis=1, keepdims=True)
         x_dir = mixed[:, :, 0]
         x_dir = x_dir - normal * np.einsum("ni,ni->n", x_dir, normal)[:, np.newaxis]
@@ -210,9 +210,9 @@ class Organ:
         rows = self._outer_rows if wall == "outer" else self._lumen_rows
         if rows is None:
             raise ValueError(f"the organ {self.name!r} is solid and has no lumen")
-        before, share = _neighbours(self.stations, np.asarray(stations, dtype=np.float64))
-        share = share[:, np.newaxis]
-        return rows[before] * (1.0 - share) + rows[before + 1] * share
+        before, fraction = _neighbours(self.stations, np.asarray(stations, dtype=np.float64))
+        fraction = fraction[:, np.newaxis]
+        return rows[before] * (1.0 - fraction) + rows[before + 1] * fraction
 
     def surface(
         self,
@@ -332,5 +332,5 @@ def _neighbours(
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return the point before each station and its share of the distance to the next, 0 to 1."""
     before = np.clip(np.searchsorted(places, stations, side="right") - 1, 0, len(places) - 2)
-    share = (stations - places[before]) / (places[before + 1] - places[before])
-    return before, np.clip(share, 0.0, 1.0)
+    fraction = (stations - places[before]) / (places[before + 1] - places[before])
+    return before, np.clip(fraction, 0.0, 1.0)

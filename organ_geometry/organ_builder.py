@@ -33,7 +33,7 @@ from organ_geometry.section_report import SectionReport, pooled_rms, section_rep
 
 # Without a tolerance: this share of the mean radius, but not so little that the noise of single
 # pixels makes every section a key section.
-TOLERANCE_SHARE = 0.02
+TOLERANCE_FRACTION = 0.02
 SMALLEST_TOLERANCE_PX = 0.5
 # With an overall tolerance alone, a section may be off by so many times as much. The fewest bytes
 # at an error are found with 3 to 5 (benchmarks/organ_bytes.py).
@@ -273,7 +273,7 @@ def _wanted_mm(fitted: FittedOrgan, promise: Promise) -> float:
         return asked
     if overall is not None:
         return LOOSE_SECTIONS * overall
-    return max(TOLERANCE_SHARE * fitted.mean_radius, SMALLEST_TOLERANCE_PX * pixel)
+    return max(TOLERANCE_FRACTION * fitted.mean_radius, SMALLEST_TOLERANCE_PX * pixel)
 
 
 def _stack_name(source: Path) -> str:

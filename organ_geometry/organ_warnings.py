@@ -34,9 +34,9 @@ from organ_geometry.section_report import SectionReport
 
 # An axis so many times longer than the stack, and errors of this share of the mean radius.
 LONG_AXIS = 1.5
-FAR_SHARE = 0.5
+FAR_FRACTION = 0.5
 # Sections whose error is at least this share of the largest are named where a tolerance was raised.
-HARDEST_SHARE = 0.95
+HARDEST_FRACTION = 0.95
 # What makes an organ doubtful: errors in mean radii, and shares of the images or sections.
 DOUBTFUL_ERROR = 1.0
 DOUBTFUL_FAR = 0.2
@@ -72,7 +72,7 @@ def organ_warnings(
         yield OrganWarning(
             "neighbouring images differ as much as any two do: they seem to be out of order", True
         )
-    far = [one.index for one in sections if one.max_mm > FAR_SHARE * radius]
+    far = [one.index for one in sections if one.max_mm > FAR_FRACTION * radius]
     if far:
         worst = max(sections[index].max_mm for index in far)
         yield OrganWarning(
@@ -119,7 +119,7 @@ def organ_warnings(
             beside > DOUBTFUL_BESIDE * found,
         )
     if organ.tolerance_mm > wanted_mm:
-        limit = HARDEST_SHARE * max(one.rms_mm for one in sections if one.problem is None)
+        limit = HARDEST_FRACTION * max(one.rms_mm for one in sections if one.problem is None)
         hardest = [one.index for one in sections if one.rms_mm >= limit]
         yield OrganWarning(
             f"the tolerance was raised from {wanted_mm:.3g} to {organ.tolerance_mm:.3g} mm, which "

@@ -22,7 +22,7 @@ class LocatedPoints:
     """Points, each located in the section of an axis in whose plane it lies."""
 
     piece: NDArray[np.intp]  # (N,) piece of the axis
-    share: NDArray[np.float64]  # (N,) share of the way along it
+    fraction: NDArray[np.float64]  # (N,) share of the way along it
     place: NDArray[np.float64]  # (N, 2) where they are across the axis there, mm
     beyond: NDArray[np.float64]  # (N,) how far they are beyond an end's plane, mm
 
@@ -43,7 +43,7 @@ class LocatedPoints:
         """Return the points of all parts."""
         return cls(
             np.concatenate([part.piece for part in parts]),
-            np.concatenate([part.share for part in parts]),
+            np.concatenate([part.fraction for part in parts]),
             np.concatenate([part.place for part in parts]),
             np.concatenate([part.beyond for part in parts]),
         )
@@ -57,12 +57,12 @@ class LocatedPoints:
         self, outlines: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
         """Return where the points' feet are on a wall's outlines, see `outline_feet`."""
-        return outline_feet(self.piece, self.share, self.place, outlines)
+        return outline_feet(self.piece, self.fraction, self.place, outlines)
 
     def chosen(self, numbers: NDArray[np.intp]) -> "LocatedPoints":
         """Return some of the points."""
         return LocatedPoints(
-            self.piece[numbers], self.share[numbers], self.place[numbers], self.beyond[numbers]
+            self.piece[numbers], self.fraction[numbers], self.place[numbers], self.beyond[numbers]
         )
 
 
@@ -107,7 +107,7 @@ def _located(
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     sections = len(axis)
     pieces = np.empty(len(points), np.intp)
-    shares, beyonds = np.empty(len(points)), np.empty(len(points))
+    fractions, beyonds = np.empty(len(points)), np.empty(len(points))
     places = np.empty((len(points), 2))
     for i in range(len(points)):
         p0, p1, p2 = points[i, 0], points[i, 1], points[i, 2]
@@ -134,8 +134,8 @@ def _located(
                 direction = -1
             else:
                 break
-        share = low / (low - high) if low != high else 0.0
-        share = min(max(share, 0.0), 1.0)
+        fraction = low / (low - high) if low != high else 0.0
+        fraction = min(max(fraction, 0.0), 1.0)
         beyond = 0.0
         if k == 0 and low < 0.0:
             beyond = -low
@@ -143,9 +143,9 @@ def _located(
             beyond = high
         x = y = 0.0
         for c in range(3):
-            away = points[i, c] - axis[k, c] * (1.0 - share) - axis[k + 1, c] * share
-            x += away * (frames[k, c, 0] * (1.0 - share) + frames[k + 1, c, 0] * share)
-            y += away * (frames[k, c, 1] * (1.0 - share) + frames[k + 1, c, 1] * share)
-        pieces[i], shares[i], beyonds[i] = k, share, beyond
+            away = points[i, c] - axis[k, c] * (1.0 - fraction) - axis[k + 1, c] * fraction
+            x += away * (frames[k, c, 0] * (1.0 - fraction) + frames[k + 1, c, 0] * fraction)
+            y += away * (frames[k, c, 1] * (1.0 - fraction) + frames[k + 1, c, 1] * fraction)
+        pieces[i], fractions[i], beyonds[i] = k, fraction, beyond
         places[i, 0], places[i, 1] = x, y
-    return pieces, shares, places, beyonds
+    return pieces, fractions, places, beyonds

@@ -26,9 +26,9 @@ MOST_MM = 1e4
 RANGES = {
     "radius_mm": (1e-2, 1e3), "wall_mm": (1e-3, 1e3), "modulus_MPa": (1e-5, 1e6),
     "strength_MPa": (1e-6, 1e6), "factor": (1e-3, 1e3), "reach_mm": (1e-3, MOST_MM),
-    "gap_mm": (1e-3, 1e3), "yield_mm": (1e-3, 1e3), "part_mm": (1e-3, 1e3),
+    "gap_mm": (1e-3, 1e3), "yield_mm": (1e-3, 1e3), "failure_mm": (1e-3, 1e3),
     "stiff": (1e-3, 1e3), "length_mm": (0.0, MOST_MM), "from_mm": (0.0, MOST_MM),
-    "to_mm": (0.0, MOST_MM), "slack_mm": (0.0, 1e3), "floor_N_mm2": (0.0, 1e3),
+    "to_mm": (0.0, MOST_MM), "slack_mm": (0.0, 1e3), "floor_N_per_mm2": (0.0, 1e3),
 }  # fmt: skip
 """Least and most of each number, as far as tissue and the solver go."""
 MOST_STRANDS, MOST_SEED = 200_000, 2**31
@@ -208,11 +208,11 @@ def _check_layer(anatomy: Anatomy, layer: LayerTable, number: int) -> None:
             _check_range(value, name, named, "layer", number)
     bed = bed_presets()[layer.preset]
     yields = bed.yield_mm if layer.yield_mm is None else layer.yield_mm
-    parts = bed.part_mm if layer.part_mm is None else layer.part_mm
+    parts = bed.failure_mm if layer.failure_mm is None else layer.failure_mm
     if parts < yields:
         raise fault(
             f"strands part at {parts:g} mm, before they yield at {yields:g} mm",
-            "yield_mm" if layer.part_mm is None else "part_mm",
+            "yield_mm" if layer.failure_mm is None else "failure_mm",
         )
     if layer.toward is not None:
         if layer.to != "bed":

@@ -21,7 +21,7 @@ _MARGIN_MM = 3.0
 _MOST_VOXELS = 300_000_000
 _LEAST_MM, _MOST_MM = 0.05, 5.0  # of a voxel
 # Between the places of an axis that voxels are compared with, of a voxel.
-_STEP_SHARE = 0.2
+_STEP_FRACTION = 0.2
 
 
 def labels_suffix(path: Path) -> None:
@@ -99,7 +99,7 @@ def anatomy_labels(
 
 def _inside(places: Floats, line: TubeLine, centres: Floats, voxel: float) -> NDArray[np.bool_]:
     """Return which centres lie in a tube along an axis."""
-    count = max(2, round(line.length / (_STEP_SHARE * voxel)) + 1)
+    count = max(2, round(line.length / (_STEP_FRACTION * voxel)) + 1)
     stations = np.linspace(0.0, line.length, count)
     axis = np.stack([np.interp(stations, line.stations, each) for each in places.T], axis=1)
     radii = np.interp(stations, line.stations, line.radius)

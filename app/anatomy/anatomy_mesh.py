@@ -15,9 +15,9 @@ from organ_geometry.mesh import SUFFIXES, Surface, mesh_content, organ_skin
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["EDGE_SHARE", "anatomy_mesh", "mesh_suffix"]
+__all__ = ["EDGE_FRACTION", "anatomy_mesh", "mesh_suffix"]
 
-EDGE_SHARE = 0.3
+EDGE_FRACTION = 0.3
 """Of a tube's mean radius: edges of its triangles."""
 # Of the merged surface: what it may be simplified by.
 _SHORTEST_MM = 1e-3
@@ -61,7 +61,7 @@ def anatomy_mesh(
     surfaces: list[Surface] = []
     for tube in anatomy.tube:
         organ = tube_organ(anatomy, tube, lines[tube.name])
-        skin = organ_skin(organ, edge_length=EDGE_SHARE * organ.mean_radius)
+        skin = organ_skin(organ, edge_length=EDGE_FRACTION * organ.mean_radius)
         surfaces.append(Surface(tube.name, skin, skin.vertices))
     if not merged:
         return mesh_content(surfaces, suffix)

@@ -161,11 +161,11 @@ def _bed(anatomy: Anatomy, layer: LayerTable, beam: SpaceBeam, *, seed: int) -> 
     preset = bed_named(layer.preset)
     own: dict[str, Any] = {
         name: float(value)
-        for name in ("gap_mm", "yield_mm", "part_mm", "slack_mm", "floor_N_mm2")
+        for name in ("gap_mm", "yield_mm", "failure_mm", "slack_mm", "floor_N_per_mm2")
         if (value := getattr(layer, name)) is not None
     }
-    toughness = preset.toughness_J_m2 * layer.factor
-    changed = msgspec.structs.replace(preset, toughness_J_m2=toughness, **own)
+    toughness = preset.toughness_J_per_m2 * layer.factor
+    changed = msgspec.structs.replace(preset, toughness_J_per_m2=toughness, **own)
     upto = beam.span if layer.to_mm is None else min(float(layer.to_mm), beam.span)
     return changed.bed(
         beam, seed=seed, strands=layer.strands, from_mm=float(layer.from_mm), to_mm=upto

@@ -14,7 +14,7 @@ import msgspec
 
 from assets import FREQUENCIES
 
-__all__ = ["Case", "Frequencies", "Share", "Size", "Tied", "case_of", "frequencies"]
+__all__ = ["Case", "Fraction", "Frequencies", "Size", "Tied", "case_of", "frequencies"]
 
 
 class Size(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -42,7 +42,7 @@ class Tied(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     below: list[str] = []
 
 
-class Share(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Fraction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Kinds and the share of each."""
 
     values: dict[str, float]
@@ -62,11 +62,11 @@ class Share(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         rest /= 1.0 - sum(self.values[name] for name in tied)
         left = draw
         found = ""
-        for name, share in self.values.items():
+        for name, fraction in self.values.items():
             factor = 2.0 * (name in here) if name in tied else rest
             if factor > 0.0:
                 found = name
-                left -= factor * share
+                left -= factor * fraction
                 if left < 0.0:
                     break
         return found
@@ -76,7 +76,7 @@ class Frequencies(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The distributions of sizes and kinds, by name (assets/frequencies.toml)."""
 
     size: dict[str, Size]
-    share: dict[str, Share]
+    fraction: dict[str, Fraction]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +104,8 @@ def case_of(seed: int) -> Case:
     return Case(
         seed=seed,
         kinds={
-            name: share.at(draw(name), draw(share.tied.to) if share.tied else 0.5)
-            for name, share in known.share.items()
+            name: fraction.at(draw(name), draw(fraction.tied.to) if fraction.tied else 0.5)
+            for name, fraction in known.fraction.items()
         },
         sizes={name: size.at(draw(name)) for name, size in known.size.items()},
     )

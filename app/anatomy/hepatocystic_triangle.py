@@ -156,10 +156,10 @@ def _tried(case: Case, course: _Course) -> Anatomy:
 
     neck = cystic[-1]
     length, widest = sizes["gallbladder_length_mm"], 0.5 * sizes["gallbladder_diameter_mm"]
-    shares = np.linspace(0.0, 1.0, len(_GALLBLADDER_RADII))
-    body = neck + np.outer(shares * length, _GALLBLADDER_WAY)
+    fractions = np.linspace(0.0, 1.0, len(_GALLBLADDER_RADII))
+    body = neck + np.outer(fractions * length, _GALLBLADDER_WAY)
     body[:, 2] += _GALLBLADDER_SAG
-    radii = [round(widest * share, 3) for share in _GALLBLADDER_RADII]
+    radii = [round(widest * fraction, 3) for fraction in _GALLBLADDER_RADII]
     radii[0] = round(max(1.2 * cystic_r, 1.8), 3)
     add("gallbladder", "organ", body, list(radii), ("joined", "free"), 14)
     join("gallbladder", 0, "cystic", None, 1.0)
@@ -296,7 +296,7 @@ def wavy_course(start: Floats, end: Floats, length: float, turn: float) -> Float
     side = np.cross(along, [0.0, 0.0, 1.0])
     side /= np.linalg.norm(side)
     side = math.cos(turn) * side + math.sin(turn) * np.cross(along, side)
-    shares = np.linspace(0.0, 1.0, 200)
+    fractions = np.linspace(0.0, 1.0, 200)
 
     def points(height: float, waves: int, at: Floats) -> Floats:
         # It leaves and arrives along the chord.
@@ -304,7 +304,7 @@ def wavy_course(start: Floats, end: Floats, length: float, turn: float) -> Float
         return start + np.outer(at, chord) + height * np.outer(swing, side)
 
     def extent(height: float, waves: int) -> float:
-        steps = np.diff(points(height, waves, shares), axis=0)
+        steps = np.diff(points(height, waves, fractions), axis=0)
         return float(np.sqrt((steps**2).sum(axis=1)).sum())
 
     waves = 1
@@ -328,7 +328,7 @@ def _layers(lines: dict[str, TubeLine], tissue: str) -> Iterator[LayerTable]:
                     sheet="triangle",
                 )  # fmt: skip
             yield LayerTable(
-                tube=name, to="bed", strands=90, preset=tissue, gap_mm=2.0, floor_N_mm2=0.05
+                tube=name, to="bed", strands=90, preset=tissue, gap_mm=2.0, floor_N_per_mm2=0.05
             )
     yield LayerTable(
         tube="cystic", to="common", strands=200, preset=tissue, reach_mm=14.0,
@@ -337,7 +337,7 @@ def _layers(lines: dict[str, TubeLine], tissue: str) -> Iterator[LayerTable]:
     # The peritoneum in front: short strands, four times as tough as areolar tissue.
     yield LayerTable(
         tube="cystic", to="common", strands=70, preset="normal", factor=4.0, reach_mm=14.0,
-        from_mm=round(min(5.0, 0.4 * cystic), 3), yield_mm=1.0, part_mm=2.0, slack_mm=0.3,
+        from_mm=round(min(5.0, 0.4 * cystic), 3), yield_mm=1.0, failure_mm=2.0, slack_mm=0.3,
         side="front", sheet="peritoneum",
     )  # fmt: skip
     yield LayerTable(
@@ -355,6 +355,6 @@ def _layers(lines: dict[str, TubeLine], tissue: str) -> Iterator[LayerTable]:
     )  # fmt: skip
     yield LayerTable(
         tube="gallbladder", to="bed", strands=240, preset="firm", gap_mm=2.5, yield_mm=1.2,
-        part_mm=3.2, slack_mm=0.6, toward=_LIVER_WAY, sheet="plate",
+        failure_mm=3.2, slack_mm=0.6, toward=_LIVER_WAY, sheet="plate",
     )  # fmt: skip
     yield LayerTable(tube="rha", to="bed", strands=160, preset="firm", gap_mm=2.5)

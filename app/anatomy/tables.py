@@ -96,9 +96,9 @@ class LayerTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     reach_mm: Number | None = None  # longest gap between two walls that strands span
     gap_mm: Number | None = None
     yield_mm: Number | None = None
-    part_mm: Number | None = None
+    failure_mm: Number | None = None
     slack_mm: Number | None = None
-    floor_N_mm2: Number | None = None  # noqa: N815
+    floor_N_per_mm2: Number | None = None  # noqa: N815
     side: Literal["facing", "front", "back"] = "facing"
     sheet: str | None = None  # what the layer is part of: triangle, peritoneum, plate
     toward: Point | None = None  # where its bed lies; else behind, along -z

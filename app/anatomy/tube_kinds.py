@@ -23,7 +23,7 @@ class TubeWall(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     names: list[str]
     term: str
-    wall_share: float
+    wall_fraction: float
     most_wall_mm: float
     modulus_MPa: float  # noqa: N815 (units are written as they are)
     strength_MPa: float  # noqa: N815
@@ -35,7 +35,9 @@ class TubeWall(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def thickness(self, radii: list[float]) -> float:
         """Return the wall of a tube of outer radii, mm: thin enough for its narrowest place."""
-        wall = min(self.wall_share * sum(radii) / len(radii), self.most_wall_mm, 0.6 * min(radii))
+        wall = min(
+            self.wall_fraction * sum(radii) / len(radii), self.most_wall_mm, 0.6 * min(radii)
+        )
         return round(wall, 3)
 
 

@@ -78,7 +78,7 @@ def tube_organ(anatomy: Anatomy, tube: TubeTable, line: TubeLine) -> Organ:
 def check_organs(anatomy: Anatomy, lines: dict[str, TubeLine]) -> None:
     """Raise a `TableError` at a tube whose organ cannot be read, or lies elsewhere."""
     rows, origin = place_of(anatomy)
-    share = np.linspace(0.0, 1.0, _LOOKED_AT)
+    fraction = np.linspace(0.0, 1.0, _LOOKED_AT)
     for number, tube in enumerate(anatomy.tube):
         try:
             content = organ_content(tube)
@@ -92,8 +92,8 @@ def check_organs(anatomy: Anatomy, lines: dict[str, TubeLine]) -> None:
         if organ is None:
             continue
         line = lines[tube.name]
-        own = (organ.axis_at(share * organ.length) - origin) @ rows.T
-        along = np.stack([line.at(at) for at in share * line.length])
+        own = (organ.axis_at(fraction * organ.length) - origin) @ rows.T
+        along = np.stack([line.at(at) for at in fraction * line.length])
         apart = float(np.linalg.norm(own - along, axis=1).max())
         most = _APART_RADII * organ.largest_radius + _APART_MM
         if apart > most:

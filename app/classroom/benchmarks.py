@@ -29,7 +29,7 @@ __all__ = ["expert_benchmarks", "scripted_benchmarks", "scripted_try"]
 TREMOR_MM = 0.3
 PACES = (0.7, 1.0, 1.3)
 """Speeds of scripted hands, over those of the good ones."""
-SHARE = 0.95
+FRACTION = 0.95
 """Share of the runs of scripted hands that keep their benchmark: who passes so often needs 3.3
 tries for three passes in a row."""
 SPREAD = 1.96
@@ -94,8 +94,10 @@ def scripted_benchmarks(
             raise ValueError(f"scripted hands passed level {level.id} on none of its beds")
         for metric in level.benchmarks:
             values = np.array([_value(metric, *each) for each in runs])
-            share = SHARE if LOWER[metric] else 1.0 - SHARE
-            mark = float(np.quantile(values, share, method="higher" if LOWER[metric] else "lower"))
+            fraction = FRACTION if LOWER[metric] else 1.0 - FRACTION
+            mark = float(
+                np.quantile(values, fraction, method="higher" if LOWER[metric] else "lower")
+            )
             found.append(_benchmark(level.id, metric, mark, values, "scripted", 0))
     return found, passed
 

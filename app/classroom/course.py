@@ -23,7 +23,7 @@ from organ_geometry import Organ
 
 __all__ = [
     "INCIDENTS",
-    "SAFE_SHARE",
+    "SAFE_FRACTION",
     "Benchmark",
     "Course",
     "Level",
@@ -35,7 +35,7 @@ __all__ = [
 
 INCIDENTS = "incidents"
 """A benchmark's metric that is not in `METRICS`: how many incidents of errors a run has."""
-SAFE_SHARE = 0.95
+SAFE_FRACTION = 0.95
 """Least share of a run's time without an incident of a level's safety items: in use for safety
 items of a laparoscopic curriculum (LAP Mentor)."""
 LONGEST_FILE, MOST_LEVELS, MOST_SEEDS, MOST_PASSES = 50_000, 40, 200, 20

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from app.classroom.course import INCIDENTS, LOWER, SAFE_SHARE, Course, Level
+from app.classroom.course import INCIDENTS, LOWER, SAFE_FRACTION, Course, Level
 from app.classroom.store import RunRecord
 from app.simulation import (
     ERROR_CLASSES,
@@ -90,7 +90,7 @@ class Try(msgspec.Struct, frozen=True):
             each.consequence == "injury" for each in self.incidents
         )
 
-    def safe_share(self, safety: Iterable[str]) -> float:
+    def safe_fraction(self, safety: Iterable[str]) -> float:
         """Return the share of the time without an incident of some error classes."""
         wanted, last, lost = set(safety), 0.0, 0.0
         for each in sorted(self.incidents, key=lambda each: each.start_s):
@@ -139,13 +139,13 @@ def unmet(course: Course, level: Level, done: Try) -> str:
         return done.reason
     if done.torn:
         return "Passed, but with an injury."
-    share = done.safe_share(level.safety)
-    if share < SAFE_SHARE:
+    fraction = done.safe_fraction(level.safety)
+    if fraction < SAFE_FRACTION:
         named = {each.error for each in done.incidents} & set(level.safety)
         titles = ", ".join(ERROR_CLASSES[each].title.lower() for each in sorted(named))
         return (
-            f"Passed, but only {100.0 * share:.0f} % of the time was without errors of safety "
-            f"({titles}); {100.0 * SAFE_SHARE:.0f} % are asked for."
+            f"Passed, but only {100.0 * fraction:.0f} % of the time was without errors of safety "
+            f"({titles}); {100.0 * SAFE_FRACTION:.0f} % are asked for."
         )
     for metric, factor in level.benchmarks.items():
         benchmark = course.benchmark_of(level.id, metric)

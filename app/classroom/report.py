@@ -67,8 +67,8 @@ def standing_svg(where: Standing) -> str:
     """Return a plot of everybody's best peak, without names: one's own is the filled one."""
     y, x0, x1 = 20.0, 12.0, 318.0
 
-    def x(share: float) -> float:
-        return x0 + min(max(share, 0.0), 1.0) * (x1 - x0)
+    def x(fraction: float) -> float:
+        return x0 + min(max(fraction, 0.0), 1.0) * (x1 - x0)
 
     dots = "".join(_mark(x(peak), y, passed, own=False) for peak, passed in where.others)
     if where.own is not None:
@@ -176,8 +176,8 @@ def _plot(tries: Sequence[Result], *, by_try: bool = False) -> str:
     rows = {label: place for place, label in enumerate(dict.fromkeys(labels))}
     bottom = ROW * len(rows) + 8.0
 
-    def x(share: float) -> float:
-        return LABEL + min(max(share, 0.0), 1.0) * (WIDTH - LABEL - RIGHT)
+    def x(fraction: float) -> float:
+        return LABEL + min(max(fraction, 0.0), 1.0) * (WIDTH - LABEL - RIGHT)
 
     parts = [
         f"<text x='{LABEL - 10}' y='{ROW * place + 16}' text-anchor='end'>"

@@ -249,7 +249,7 @@ def _bed_result(pulls: "list[MeasuredPull]", bed: str, modulus: float) -> Result
     ducts = [replace(each, beam=replace(each.beam, modulus=modulus)) for each in pulls]
     fitted = fit_bed(ducts, bed_named(bed))
     in_plan = {
-        name: getattr(fitted.bed, name) for name in ("toughness_J_m2", "yield_mm", "part_mm")
+        name: getattr(fitted.bed, name) for name in ("toughness_J_per_m2", "yield_mm", "failure_mm")
     }
     curves = [{"name": each.curve.name} for each in pulls]
     return _result(fitted, {"bed": bed, "regions": "95 %, Jacobian"}, ("bed", bed), curves, in_plan)

@@ -95,7 +95,7 @@ def _list_beds(*, as_json: bool) -> None:
     lines: list[tuple[str, str]] = []
     for bed in beds:
         lines += [
-            (bed.name, f"{bed.title}: {bed.toughness_J_m2:g} J/m2 to part it"),
+            (bed.name, f"{bed.title}: {bed.toughness_J_per_m2:g} J/m2 to part it"),
             ("", wrapped(bed.description)),
             ("source", wrapped(bed.source)),
             ("confidence", wrapped(f"{bed.confidence}. {bed.confidence_note}")),

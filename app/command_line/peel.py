@@ -62,7 +62,7 @@ def report_history(
         write_atomic(output, history.csv(threshold).encode())
     rows = history.rows(threshold)
     last = rows[-1]
-    result: dict[str, object] = {"steps": rows, "open_share": history.residual_ratio}
+    result: dict[str, object] = {"steps": rows, "residual_ratio": history.residual_ratio}
     if history.notes:
         result["notes"] = history.notes
     worst = 0  # step of the highest stress

@@ -89,7 +89,7 @@ def perform(
         *(("event", _words(each)) for each in events),
         *(("lost", f"{each.lost_ml:.3g} ml of {each.name}") for each in reading.fluids),
         ("critical view", f"{view.total} of 6{_torn(view)}"),
-        ("  structures", f"{view.two_structures}: {_shares(view)}"),
+        ("  structures", f"{view.two_structures}: {_fractions(view)}"),
         ("  triangle", f"{view.triangle_cleared}: {view.triangle:.0%} parted"),
         ("  plate", f"{view.plate_freed}: {view.plate:.0%} of its lower third parted"),
         *(("freed all round", f"{name} {mm:.1f} mm") for name, mm in done.freed_mm.items()),
@@ -142,6 +142,6 @@ def _torn(view: "CriticalView") -> str:
     return f": nothing is safe, torn is {', '.join(view.torn)}" if view.torn else ""
 
 
-def _shares(view: "CriticalView") -> str:
-    about = [f"{name} {share:.0%}" for name, share in view.structures.items()]
+def _fractions(view: "CriticalView") -> str:
+    about = [f"{name} {fraction:.0%}" for name, fraction in view.structures.items()]
     return f"{', '.join(about)}, neck {view.neck:.0%} parted"

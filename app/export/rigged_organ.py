@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from app.anatomy.anatomy_mesh import EDGE_SHARE
+from app.anatomy.anatomy_mesh import EDGE_FRACTION
 from app.export.motion import Motion
 from app.export.snapshot import NAMES
 from app.export.strand_mesh import StrandMesh, strand_mesh
@@ -122,7 +122,7 @@ def rigged_tubes(tubes: Tubes) -> bytes:
     rigs: list[Rig] = []
     for name, dissection in zip(tubes.names, tubes.dissections, strict=True):
         radius = dissection.organ.mean_radius
-        skin = organ_skin(dissection.organ, edge_length=EDGE_SHARE * radius)
+        skin = organ_skin(dissection.organ, edge_length=EDGE_FRACTION * radius)
         rigs.append(Rig(skin, dissection.driving, [], None, radius, (name, name, name)))
     return rigged_organs(rigs)
 

@@ -19,7 +19,7 @@ __all__ = ["BedTrack", "StrandsSnapshot", "stubs"]
 Floats = NDArray[np.float64]
 
 # Length of a stub, and most of its strand's length at rest.
-STUB_MM, STUB_SHARE = 1.0, 0.35
+STUB_MM, STUB_FRACTION = 1.0, 0.35
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +55,7 @@ def stubs(feet: Floats, ends: Floats) -> tuple[Floats, Floats]:
     """Return (S, 2, 3) feet and ends of strands, mm, each with the tip of its stub."""
     direction = feet - ends
     length = np.sqrt((direction**2).sum(axis=1, keepdims=True))
-    stub = direction * np.minimum(STUB_SHARE, STUB_MM / length)
+    stub = direction * np.minimum(STUB_FRACTION, STUB_MM / length)
     return np.stack([feet, feet - stub], axis=1), np.stack([ends, ends + stub], axis=1)
 
 

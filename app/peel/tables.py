@@ -51,8 +51,8 @@ DIRECTIONS = {"x": 0, "y": 1, "z": 2}
 STIFFNESSES = (
     "axial_stiffness_N",
     "shear_stiffness_N",
-    "bending_stiffness_Nmm2",
-    "torsion_stiffness_Nmm2",
+    "bending_stiffness_N_mm2",
+    "torsion_stiffness_N_mm2",
 )
 
 
@@ -67,9 +67,9 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     axial_stiffness_N: Numbers | None = None  # noqa: N815 (units are written as they are)
     shear_stiffness_N: Numbers | None = None  # noqa: N815
     shear_across_N: Numbers | None = None  # noqa: N815
-    bending_stiffness_Nmm2: Numbers | None = None  # noqa: N815
-    bending_across_Nmm2: Numbers | None = None  # noqa: N815
-    torsion_stiffness_Nmm2: Numbers | None = None  # noqa: N815
+    bending_stiffness_N_mm2: Numbers | None = None  # noqa: N815
+    bending_across_N_mm2: Numbers | None = None  # noqa: N815
+    torsion_stiffness_N_mm2: Numbers | None = None  # noqa: N815
     diameter_mm: Number | None = None
     modulus_MPa: Number | None = None  # noqa: N815
     poisson_ratio: Number = 0.3
@@ -121,11 +121,11 @@ class BeamTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             self.axial_stiffness_N,
             self.shear_stiffness_N if self.shear_across_N is None else self.shear_across_N,
             self.shear_stiffness_N,
-            self.torsion_stiffness_Nmm2,
-            self.bending_stiffness_Nmm2,
-            self.bending_stiffness_Nmm2
-            if self.bending_across_Nmm2 is None
-            else self.bending_across_Nmm2,
+            self.torsion_stiffness_N_mm2,
+            self.bending_stiffness_N_mm2,
+            self.bending_stiffness_N_mm2
+            if self.bending_across_N_mm2 is None
+            else self.bending_across_N_mm2,
         ]
         stations = None if self.stations_mm is None else np.array(self.stations_mm, np.float64)
         rows = [_row(each, stations, "a stiffness of [beam]") for each in columns]
@@ -164,12 +164,12 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     to_mm: Number | None = None
     strands: int | None = None
     stations_mm: list[Number] | None = None
-    stiffness_N_mm2: Numbers | None = None  # noqa: N815
+    stiffness_N_per_mm2: Numbers | None = None  # noqa: N815
     toughness_N: Numbers | None = None  # noqa: N815
-    strength_N_mm: Number | None = None  # noqa: N815
+    strength_N_per_mm: Number | None = None  # noqa: N815
     softening: Number | None = None
-    two_sided: bool = False
-    floor_N_mm2: Number | None = None  # noqa: N815
+    bilateral: bool = False
+    floor_N_per_mm2: Number | None = None  # noqa: N815
     gap_mm: Number | None = None
     around_deg: Number | None = None
     fan_deg: Number | None = None
@@ -182,10 +182,10 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     def build(self, beam: SpaceBeam) -> Bed:
         """Return the bed under a beam."""
         patches = tuple(Patch(each.from_mm, each.to_mm, each.factor) for each in self.patch)
-        own: dict[str, Any] = {"bilateral": True} if self.two_sided else {}
+        own: dict[str, Any] = {"bilateral": True} if self.bilateral else {}
         for field, value in (
             ("softening", self.softening),
-            ("floor", self.floor_N_mm2),
+            ("floor", self.floor_N_per_mm2),
             ("gap", self.gap_mm),
             ("around", None if self.around_deg is None else math.radians(self.around_deg)),
             ("fan", None if self.fan_deg is None else math.radians(self.fan_deg)),
@@ -201,7 +201,12 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
         if self.preset is not None:
             given = [
                 name
-                for name in ("stiffness_N_mm2", "toughness_N", "strength_N_mm", "stations_mm")
+                for name in (
+                    "stiffness_N_per_mm2",
+                    "toughness_N",
+                    "strength_N_per_mm",
+                    "stations_mm",
+                )
                 if getattr(self, name) is not None
             ]
             if given:
@@ -210,20 +215,20 @@ class BedTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
                 beam, seed=self.seed, strands=self.strands, from_mm=first, to_mm=last
             )
             return replace(bed, **own).with_patch(*patches)
-        if self.stiffness_N_mm2 is None:
-            raise ValueError("[bed] needs a preset, or stiffness_N_mm2 and toughness_N")
-        if (self.toughness_N is None) == (self.strength_N_mm is None):
-            raise ValueError("[bed] needs either toughness_N or strength_N_mm")
+        if self.stiffness_N_per_mm2 is None:
+            raise ValueError("[bed] needs a preset, or stiffness_N_per_mm2 and toughness_N")
+        if (self.toughness_N is None) == (self.strength_N_per_mm is None):
+            raise ValueError("[bed] needs either toughness_N or strength_N_per_mm")
         softening = 2.0 if self.softening is None else float(self.softening)
         toughness = _values(self.toughness_N)
-        if self.strength_N_mm is not None:
+        if self.strength_N_per_mm is not None:
             # Its energy to part: G = p^2 softening / (2 k), p the force for each mm at its peak.
-            strength = positive(self.strength_N_mm, "strength_N_mm of [bed]", "N/mm")
-            if isinstance(self.stiffness_N_mm2, list):
-                raise ValueError("strength_N_mm of [bed] goes with one stiffness_N_mm2")
-            stiffness = positive(self.stiffness_N_mm2, "stiffness_N_mm2 of [bed]", "N/mm^2")
+            strength = positive(self.strength_N_per_mm, "strength_N_per_mm of [bed]", "N/mm")
+            if isinstance(self.stiffness_N_per_mm2, list):
+                raise ValueError("strength_N_per_mm of [bed] goes with one stiffness_N_per_mm2")
+            stiffness = positive(self.stiffness_N_per_mm2, "stiffness_N_per_mm2 of [bed]", "N/mm^2")
             toughness = strength * strength * softening / (2.0 * stiffness)
-        stiffness = _values(self.stiffness_N_mm2)
+        stiffness = _values(self.stiffness_N_per_mm2)
         assert stiffness is not None  # noqa: S101
         assert toughness is not None  # noqa: S101
         return Bed(
@@ -276,7 +281,7 @@ class StrandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     """`[[strand]]`: one strand by itself."""
 
     at_mm: Number
-    stiffness_N_mm: Number  # noqa: N815
+    stiffness_N_per_mm: Number  # noqa: N815
     offset_mm: Span = (0.0, 0.0)
     foot_mm: Point | None = None
     gap_mm: Number = 3.0
@@ -285,8 +290,8 @@ class StrandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     toughness_mJ: Number | None = None  # noqa: N815
     strength_N: Number | None = None  # noqa: N815
     yield_mm: Number | None = None
-    part_mm: Number | None = None
-    two_sided: bool = False
+    failure_mm: Number | None = None
+    bilateral: bool = False
 
     def build(self, beam: SpaceBeam, number: int) -> Strands:
         """Return the strand as a row of one."""
@@ -296,7 +301,7 @@ class StrandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
             raise ValueError(
                 f"{name} at {at:g} mm is not on the beam, which runs from 0 to {beam.span:g} mm"
             )
-        k = positive(self.stiffness_N_mm, f"stiffness_N_mm of {name}", "N/mm")
+        k = positive(self.stiffness_N_per_mm, f"stiffness_N_per_mm of {name}", "N/mm")
         softening = finite(self.softening, f"softening of {name}", "")
         given = [self.toughness_mJ, self.strength_N, self.yield_mm]
         if sum(each is not None for each in given) != 1:
@@ -308,15 +313,15 @@ class StrandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
             yields = positive(self.strength_N, f"strength_N of {name}", "N") / k
         else:
             yields = positive(self.yield_mm or 0.0, f"yield_mm of {name}", "mm")
-        if self.part_mm is not None:
-            softening = positive(self.part_mm, f"part_mm of {name}", "mm") / yields
+        if self.failure_mm is not None:
+            softening = positive(self.failure_mm, f"failure_mm of {name}", "mm") / yields
         if softening < 1.0:
             raise ValueError(f"{name} must part beyond its yield, got a softening of {softening:g}")
         slack = finite(self.slack_mm, f"slack_mm of {name}", "mm")
         if slack < 0.0:
             raise ValueError(f"slack_mm of {name} must be 0 or more, got {slack:g} mm")
-        if self.two_sided and slack > 0.0:
-            raise ValueError(f"{name} is two_sided and cannot be slack, got {slack:g} mm")
+        if self.bilateral and slack > 0.0:
+            raise ValueError(f"{name} is bilateral and cannot be slack, got {slack:g} mm")
         place, frame = beam.frames_at(np.array([at]))
         y, z = (finite(each, f"offset_mm of {name}", "mm") for each in self.offset_mm)
         end = place[0] + y * frame[0, 1] + z * frame[0, 2]
@@ -336,7 +341,7 @@ class StrandTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
             (length + slack) * one,
             yields * one,
             softening * yields * one,
-            one if self.two_sided else 0.0 * one,
+            one if self.bilateral else 0.0 * one,
         )
 
 

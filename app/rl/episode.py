@@ -191,7 +191,7 @@ class Episode:
         run = self.session.run
         return {
             "progress": run.progress,
-            "parted": self._share_parted(),
+            "parted": self._fraction_parted(),
             "time": run.seconds,
             "errors": run.errors,
             "stress": self._tissue.peak_stress_ratio,
@@ -199,7 +199,7 @@ class Episode:
             "failed": self.terminated and not self._passed,
         }
 
-    def _share_parted(self) -> float:
+    def _fraction_parted(self) -> float:
         """Return the share of strands that the goal asks for that have parted, 0 to 1."""
         tissue, task, goal = self._tissue, self.task, self.task.goal
         self._parted = np.concatenate(

@@ -94,7 +94,7 @@ class DissectionMeasureTaker:
         self.peak = self.peak_station = 0.0
         self.instrument_force = 0.0
         self.soonest = math.inf
-        self._shares = (0.0,) * RATE_TICKS  # newest first
+        self._fractions = (0.0,) * RATE_TICKS  # newest first
         self._above_half = 0
         # Hands that last did so; `_acting`: hold the duct or press on it.
         self._holding = self._sweeping = self._acting = list(range(HANDS))
@@ -143,10 +143,10 @@ class DissectionMeasureTaker:
         if ratio > self.peak:
             self.peak, self.peak_station = ratio, duct.station
         self._above_half += ratio > 0.5
-        growth = (ratio - self._shares[-1]) / RATE_SECONDS
+        growth = (ratio - self._fractions[-1]) / RATE_SECONDS
         if growth > 0.0:
             self.soonest = min(self.soonest, max(1.0 - ratio, 0.0) / growth)
-        self._shares = (ratio, *self._shares[:-1])
+        self._fractions = (ratio, *self._fractions[:-1])
         self._torn = duct.torn
         forces: list[list[float]] = duct.forces.tolist()
         self._take_forces(forces)
@@ -180,7 +180,7 @@ class DissectionMeasureTaker:
         swept = self._rod_work - rod_work
         held = self._beam_work - work - swept
         places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
-        shares = [
+        fractions = [
             abs(f[0] * (a[0] - b[0]) + f[1] * (a[1] - b[1]) + f[2] * (a[2] - b[2]))
             for f, a, b in zip(forces, places, self._places, strict=True)
         ]
@@ -193,9 +193,9 @@ class DissectionMeasureTaker:
         pressing = [i for i in sweeping if any(any(presses[rod]) for rod in duct.rods_of(i))]
         self._acting = holding + pressing or self._acting
         for work, hands in ((held, self._holding), (swept, self._sweeping)):
-            total = sum(shares[i] for i in hands)
+            total = sum(fractions[i] for i in hands)
             for i in hands:
-                part = shares[i] / total if total > 0.0 else 1.0 / len(hands)
+                part = fractions[i] / total if total > 0.0 else 1.0 / len(hands)
                 self._work[i] += part * work
 
     def _take_broken(self) -> None:

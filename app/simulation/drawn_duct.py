@@ -29,7 +29,7 @@ from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, Skin, Surface, TornPiece, organ_skin
 from physics import Equilibrium, RuptureCheck
 
-__all__ = ["DrawnDuct", "Stresses", "SurfaceStress", "fibre_shares"]
+__all__ = ["DrawnDuct", "Stresses", "SurfaceStress", "fibre_fractions"]
 
 # Part of the span, behind each clamp, over which the stress at the clamp continues.
 CLAMP_DEPTH = 0.01
@@ -161,9 +161,9 @@ class SurfaceStress:
     def __init__(self, dissection: Dissection, skin: Skin) -> None:
         first, last = dissection.clamps
         self._places = skin.stations - first
-        self._share = fibre_shares(dissection.organ, skin, dissection.frame[:, 2])
+        self._fraction = fibre_fractions(dissection.organ, skin, dissection.frame[:, 2])
         self._organ, self._skin, self._lateral = dissection.organ, skin, dissection.frame[:, 1]
-        self._across: NDArray[np.float64] | None = None  # as `_share`, across the pull
+        self._across: NDArray[np.float64] | None = None  # as `_fraction`, across the pull
         depth = CLAMP_DEPTH * (last - first)
         self._free = (skin.stations >= first - depth) & (skin.stations <= last + depth)
         self._stations: NDArray[np.float64] | None = None
@@ -179,10 +179,10 @@ class SurfaceStress:
     ) -> NDArray[np.float32]:
         """Write the stress at each vertex of a beam in space, in mm from the first clamp."""
         if self._across is None:
-            self._across = fibre_shares(self._organ, self._skin, self._lateral)
+            self._across = fibre_fractions(self._organ, self._skin, self._lateral)
         self._bind(stations)
         _write_in_space(
-            stresses, self._before, self._weight, self._share, self._across, self._free, out
+            stresses, self._before, self._weight, self._fraction, self._across, self._free, out
         )
         return out
 
@@ -195,7 +195,7 @@ class SurfaceStress:
 
     def at(self, pulled: Equilibrium, threshold: float) -> Stresses:
         """Return normal and bending stress at each vertex, for a beam sampled in any order."""
-        normal, bending = (np.empty(self._share.size, dtype=np.float32) for _ in range(2))
+        normal, bending = (np.empty(self._fraction.size, dtype=np.float32) for _ in range(2))
         nothing = np.zeros(pulled.stations.size)
         self._write_parts(pulled, pulled.normal_stress, nothing, 1.0, normal)
         self._write_parts(pulled, nothing, pulled.bending_stress, 1.0, bending)
@@ -207,7 +207,9 @@ class SurfaceStress:
     ) -> Stresses:
         """Return normal and bending stress at each vertex of a beam in space."""
         normal, bending = (
-            self.write_in_space(stations, stresses * each, np.empty(self._share.size, np.float32))
+            self.write_in_space(
+                stations, stresses * each, np.empty(self._fraction.size, np.float32)
+            )
             for each in np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
         )
         total = normal + bending
@@ -229,7 +231,7 @@ class SurfaceStress:
             self._before,
             self._after,
             self._weight,
-            self._share,
+            self._fraction,
             self._free,
             part,
             out,
@@ -249,7 +251,9 @@ class SurfaceStress:
         self._weight[:] = np.clip((self._places - low) / (high - low), 0.0, 1.0)
 
 
-def fibre_shares(organ: Organ, skin: Skin, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def fibre_fractions(
+    organ: Organ, skin: Skin, direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return (V,) s in [-1, 1]: height along the pull over the section's outermost fibre."""
     stations, ring = np.unique(skin.stations, return_inverse=True)
     normals = organ.frames_at(stations)[:, :, 2]
@@ -272,7 +276,7 @@ def _write(
     before: NDArray[np.int32],
     after: NDArray[np.int32],
     weight: NDArray[np.float64],
-    share: NDArray[np.float64],
+    fraction: NDArray[np.float64],
     free: NDArray[np.bool_],
     part: float,
     out: NDArray[np.float32],
@@ -283,8 +287,8 @@ def _write(
             continue
         i, j, w = before[v], after[v], weight[v]
         # A moment above zero stretches the side away from the pull.
-        low = normal[i] - share[v] * np.sign(moment[i]) * bending[i]
-        high = normal[j] - share[v] * np.sign(moment[j]) * bending[j]
+        low = normal[i] - fraction[v] * np.sign(moment[i]) * bending[i]
+        high = normal[j] - fraction[v] * np.sign(moment[j]) * bending[j]
         out[v] = part * (low + w * (high - low))
 
 

@@ -124,10 +124,10 @@ class ErrorFinder:
         self._points = 0  # of the critical view, before this tick
         self._events = len(duct.events)
         self.incidents = Incidents(
-            Conditions(bed.yield_mm, bed.part_mm, self.radius, ratio, hidden),
+            Conditions(bed.yield_mm, bed.failure_mm, self.radius, ratio, hidden),
             limits,
         )
-        self._most_share = ratio or 1.0
+        self._most_fraction = ratio or 1.0
         self._watches = [_Watch(hand) for hand in duct.hands]
         self._damage = duct.beam.state.damage.copy()
         self._rods = np.full((HANDS, 2), -1, dtype=np.int64)
@@ -281,7 +281,7 @@ class ErrorFinder:
             return "injury"
         if out_of_sight:
             return "minor"
-        if stress > self._most_share or self._pace.too_fast:
+        if stress > self._most_fraction or self._pace.too_fast:
             return "near miss"
         return "none"
 

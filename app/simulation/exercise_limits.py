@@ -52,7 +52,7 @@ of a scattered bed asks for more than an even one (docs/measures.md)."""
 WINDOW_PART = 1.0 / 3.0
 # Lengths over the span: of the window to be freed, of a divided duct's free end, and of what is to
 # be freed from there on.
-WINDOW_SHARE, OPENED_SHARE, FOLLOW_SHARE = 0.25, 0.12, 0.6
+WINDOW_FRACTION, OPENED_FRACTION, FOLLOW_FRACTION = 0.25, 0.12, 0.6
 # Strands that may tear out of sight, of those to be parted.
 HIDDEN_PART = 0.1
 LOOSEST = 0.95
@@ -201,13 +201,13 @@ def _offered(specimen: Specimen, name: str) -> Exercise | None:
 def _goal(span: float, name: str, bed: BedPreset) -> tuple[FreeLength, tuple[float, float] | None]:
     """Return what is to be freed, and what is free at the start, mm from the first clamp."""
     if name == "follow_front":
-        front = (1.0 - OPENED_SHARE) * span
-        return FreeLength(FOLLOW_SHARE * span, 0.0, front), (front, span)
+        front = (1.0 - OPENED_FRACTION) * span
+        return FreeLength(FOLLOW_FRACTION * span, 0.0, front), (front, span)
     if name == "free_scar":
         assert bed.patch is not None  # noqa: S101 (the caller has looked)
-        a, b = bed.patch.from_share * span, bed.patch.to_share * span
+        a, b = bed.patch.from_fraction * span, bed.patch.to_fraction * span
         return FreeLength(FREED_PART * (b - a), a, b), None
-    return FreeLength(WINDOW_SHARE * span, 0.0, span, one_stretch=True), None
+    return FreeLength(WINDOW_FRACTION * span, 0.0, span, one_stretch=True), None
 
 
 def _passes(session: Session, exercise: Exercise, technique: Technique) -> bool:

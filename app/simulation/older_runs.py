@@ -156,8 +156,8 @@ def renamed_metrics(measures: Metrics) -> Metrics:
     return {RENAMED_METRICS.get(key, key): value for key, value in measures.items()}
 
 
-def _decoded(content: bytes, *, type: type[RunFile]) -> RunFile:  # noqa: A002
-    """Return a run of this version, whose exercise may be written as it was before."""
+def _decoded(content: bytes) -> dict[str, Any]:
+    """Return a run of this version, with its exercise, which may be an older one, as of today."""
     plain = msgspec.json.decode(content, type=dict[str, Any])
     log: object = plain.get("log")
     if isinstance(log, dict):
@@ -165,7 +165,7 @@ def _decoded(content: bytes, *, type: type[RunFile]) -> RunFile:  # noqa: A002
         exercise: object = fields.get("exercise")
         if isinstance(exercise, dict):
             fields["exercise"] = _present(cast("dict[str, Any]", exercise))
-    return msgspec.convert(plain, type)
+    return plain
 
 
 def _present(exercise: dict[str, Any]) -> dict[str, Any]:

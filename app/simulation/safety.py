@@ -156,7 +156,7 @@ class Safety:
         tissue = self._tissue
         parted = tissue.beam.damage >= 1.0
 
-        def share(which: Mask) -> float:
+        def fraction(which: Mask) -> float:
             return float(parted[which].mean()) if which.any() else 1.0
 
         torn = tuple(
@@ -165,8 +165,12 @@ class Safety:
             if tear is not None
         )
         divided = {each.tube for each in tissue.events if each.kind == "division"}
-        structures = {name: share(which) for name, which in self._about.items()}
-        neck, triangle, plate = share(self._neck), share(self._triangle), share(self._plate)
+        structures = {name: fraction(which) for name, which in self._about.items()}
+        neck, triangle, plate = (
+            fraction(self._neck),
+            fraction(self._triangle),
+            fraction(self._plate),
+        )
         clear = sum(each >= ENOUGH for each in structures.values())
         two = 0
         if not divided & structures.keys():
@@ -224,8 +228,8 @@ class Safety:
         )
 
 
-def _points(share: float) -> int:
-    return 2 if share >= ENOUGH else 1 if share >= SOME else 0
+def _points(fraction: float) -> int:
+    return 2 if fraction >= ENOUGH else 1 if fraction >= SOME else 0
 
 
 def _named(anatomy: Anatomy) -> tuple[str, str, str]:

@@ -35,8 +35,8 @@ def what_was_seen(replay: Replay) -> list[Seen]:
     for tick in [*range(LOOK_TICKS, replay.log.ticks, LOOK_TICKS), replay.log.ticks]:
         replay.seek_tick(tick)
         view = safety.critical_view()
-        for what, share in _shares(view):
-            level = max((each for each in (SOME, ENOUGH) if share >= each), default=0.0)
+        for what, fraction in _fractions(view):
+            level = max((each for each in (SOME, ENOUGH) if fraction >= each), default=0.0)
             if level > reached.get(what, 0.0):
                 reached[what] = level
                 out.append(Seen(tick * TICK_SECONDS, what.format(f"{100.0 * level:.0f} %")))
@@ -51,11 +51,11 @@ def what_was_seen(replay: Replay) -> list[Seen]:
     return sorted(out, key=lambda each: each.seconds)
 
 
-def _shares(view: CriticalView) -> list[tuple[str, float]]:
+def _fractions(view: CriticalView) -> list[tuple[str, float]]:
     """Return the shares that a view is judged by, with a sentence that lacks the share."""
     return [
-        *((f"{name}: {{}} of what holds its end at the gallbladder has parted", share)
-          for name, share in view.structures.items()),
+        *((f"{name}: {{}} of what holds its end at the gallbladder has parted", fraction)
+          for name, fraction in view.structures.items()),
         ("{} of what holds the gallbladder's neck to other tubes has parted", view.neck),
         ("the triangle is cleared to {}", view.triangle),
         ("the lower third of the plate is freed to {}", view.plate),

@@ -6,8 +6,9 @@
 
 The model is the duct in space on its strands, lifted as far as the curve goes; its forces are
 taken between steps in proportion. Sought are the logarithms of the layer's stiffness k and
-toughness G; the elongations follow, yield_mm = (2 G / (k s))^(1/2) and part_mm = s yield_mm, with
-the bed's own ratio s. Regions are of the Jacobian at the best fit, in logarithms, with Student's t.
+toughness G; the elongations follow, yield_mm = (2 G / (k s))^(1/2) and failure_mm = s yield_mm,
+with the bed's own ratio s. Regions are of the Jacobian at the best fit, in logarithms, with
+Student's t.
 """
 
 import math
@@ -65,7 +66,9 @@ def fit_bed(pulls: list[MeasuredPull], bed: BedPreset) -> BedFit:
     def forces(logs: Row) -> Row:
         return np.concatenate([row for row, _ in lifted(np.exp(logs).tolist())])
 
-    start = np.log([2.0 * bed.toughness_J_m2 / (bed.yield_mm * bed.part_mm), bed.toughness_J_m2])
+    start = np.log(
+        [2.0 * bed.toughness_J_per_m2 / (bed.yield_mm * bed.failure_mm), bed.toughness_J_per_m2]
+    )
     found = least_squares(
         lambda logs: forces(logs) - measured,
         start,
@@ -137,10 +140,10 @@ def fit_bed(pulls: list[MeasuredPull], bed: BedPreset) -> BedFit:
 
 
 def _bed(bed: BedPreset, stiffness: float, toughness: float) -> BedPreset:
-    softening = bed.part_mm / bed.yield_mm
+    softening = bed.failure_mm / bed.yield_mm
     length = math.sqrt(2.0 * toughness / (stiffness * softening))
     return msgspec.structs.replace(
-        bed, toughness_J_m2=toughness, yield_mm=length, part_mm=softening * length
+        bed, toughness_J_per_m2=toughness, yield_mm=length, failure_mm=softening * length
     )
 
 

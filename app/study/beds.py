@@ -62,25 +62,25 @@ def solve_beds(plan: Plan, block: Block) -> tuple[Outputs, list[str]]:
 
 def bed_of(preset: BedPreset, given: dict[str, float]) -> BedPreset:
     """Return a bed with other numbers, by the names of the inputs without `bed.`."""
-    # For an area of the layer: strength 2 G / part_mm, stiffness that over yield_mm.
-    part = given.get("part_mm", preset.part_mm)
+    # For an area of the layer: strength 2 G / failure_mm, stiffness that over yield_mm.
+    part = given.get("failure_mm", preset.failure_mm)
     length = given.get("yield_mm", preset.yield_mm)
-    toughness = given.get("toughness_J_m2", preset.toughness_J_m2)
+    toughness = given.get("toughness_J_per_m2", preset.toughness_J_per_m2)
     if "strength_kPa" in given:
         toughness = 0.5 * given["strength_kPa"] * part
-    if "stiffness_kPa_mm" in given:
+    if "stiffness_kPa_per_mm" in given:
         if "strength_kPa" in given:
-            length = given["strength_kPa"] / given["stiffness_kPa_mm"]
+            length = given["strength_kPa"] / given["stiffness_kPa_per_mm"]
         else:
-            toughness = 0.5 * given["stiffness_kPa_mm"] * length * part
+            toughness = 0.5 * given["stiffness_kPa_per_mm"] * length * part
     if not length <= part:
         raise ValueError(f"strands yield at {length:.4g} mm, after they part at {part:.4g} mm")
     names = {"scatter", "slack_mm", "gap_mm", "around_deg"} & set(given)
     return msgspec.structs.replace(
         preset,
-        toughness_J_m2=toughness,
+        toughness_J_per_m2=toughness,
         yield_mm=length,
-        part_mm=part,
+        failure_mm=part,
         **{name: given[name] for name in names},
     )
 
@@ -171,7 +171,7 @@ def _read(history: History, strength: float) -> dict[str, float]:
             np.concatenate([[0.0], row]) for row in (history.stress, forces, lifts)
         )
         k = int(over[0])
-        share = (strength - stress[k]) / (stress[k + 1] - stress[k])
-        found["break_force_N"] = float(force[k] + share * (force[k + 1] - force[k]))
-        found["break_deflection_mm"] = float(lifted[k] + share * (lifted[k + 1] - lifted[k]))
+        fraction = (strength - stress[k]) / (stress[k + 1] - stress[k])
+        found["break_force_N"] = float(force[k] + fraction * (force[k + 1] - force[k]))
+        found["break_deflection_mm"] = float(lifted[k] + fraction * (lifted[k + 1] - lifted[k]))
     return found

@@ -26,8 +26,8 @@ class Choices:
 
     def at(self, draws: Row) -> NDArray[np.int64]:
         """Return the (N,) indices of the values that draws from [0, 1] give."""
-        shares = np.cumsum(self.weights) / math.fsum(self.weights)
-        return np.minimum(np.searchsorted(shares, draws, side="right"), len(self.values) - 1)
+        fractions = np.cumsum(self.weights) / math.fsum(self.weights)
+        return np.minimum(np.searchsorted(fractions, draws, side="right"), len(self.values) - 1)
 
 
 @dataclass(frozen=True, slots=True)

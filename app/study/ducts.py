@@ -209,7 +209,7 @@ def round_ducts(preset: Preset, block: Block) -> tuple[Ducts, dict[int, str]]:
 
 
 def _grasps(block: Block, span: Row) -> tuple[Row, dict[int, str]]:
-    grasp = block.number("grasp_share", 0.5) * span
+    grasp = block.number("grasp_fraction", 0.5) * span
     grasp = block.numbers.get("grasp_mm", grasp)
     wrong = ~((grasp > FIRST_PART * span) & (grasp < (1.0 - FIRST_PART) * span))
     unsound = {

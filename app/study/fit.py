@@ -320,8 +320,8 @@ def _strength(
             "no curve ends with a break: they say nothing of the strength but a lower bound"
         )
         return None
-    shares = np.array([problem.stress_at_end(each, ratio.value) for each in broken])
-    breaks = modulus.value * shares
+    fractions = np.array([problem.stress_at_end(each, ratio.value) for each in broken])
+    breaks = modulus.value * fractions
     mean = float(breaks.mean())
     # Of the modulus, whose error all breaks share.
     shared = 0.5 * (modulus.high - modulus.low) / modulus.value * mean
@@ -341,13 +341,13 @@ def _of_residuals(residuals: list[Row], measured: Row, theory: Theory) -> list[s
     """Say whether the theory follows the curves."""
     warnings: list[str] = []
     largest = max(float(np.abs(each).max()) for each in residuals)
-    share = largest / float(np.abs(measured).max())
-    if any(in_streaks(each) for each in residuals) and share > 1e-3:
+    fraction = largest / float(np.abs(measured).max())
+    if any(in_streaks(each) for each in residuals) and fraction > 1e-3:
         fitted = ", with a constant q," if isinstance(theory, Cubic) else ""
         warnings.append(
-            f"the residuals run in streaks, up to {100.0 * share:.2g} % of the largest force: the "
-            f"{theory.name} theory{fitted} does not follow these curves, and the regions, which "
-            "know of noise only, are too narrow"
+            f"the residuals run in streaks, up to {100.0 * fraction:.2g} % of the largest force: "
+            f"the {theory.name} theory{fitted} does not follow these curves, and the regions, "
+            "which know of noise only, are too narrow"
         )
     return warnings
 

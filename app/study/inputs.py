@@ -65,7 +65,7 @@ DUCT_INPUTS: dict[str, Input] = {
     "q": Input("", 0.0, 10.0),
     **{name: _limited(name) for name in LIMITS if not name.endswith("_factor")},
     "grasp_mm": Input("mm", 1e-3, 1e4),
-    "grasp_share": Input("", 0.001, 0.999),
+    "grasp_fraction": Input("", 0.001, 0.999),
     "force_N": Input("N", -1e6, 1e6),
     "deflection_mm": Input("mm", -1e4, 1e4),
 }
@@ -73,11 +73,11 @@ DUCT_INPUTS: dict[str, Input] = {
 
 BED_INPUTS: dict[str, Input] = {
     "bed.name": Input(words=("normal", "loose", "firm", "inflamed", "scar")),
-    "bed.toughness_J_m2": Input("J/m2", 1e-3, 1e5),
+    "bed.toughness_J_per_m2": Input("J/m2", 1e-3, 1e5),
     "bed.strength_kPa": Input("kPa", 1e-3, 1e5),
-    "bed.stiffness_kPa_mm": Input("kPa/mm", 1e-3, 1e6),
+    "bed.stiffness_kPa_per_mm": Input("kPa/mm", 1e-3, 1e6),
     "bed.yield_mm": Input("mm", 1e-2, 1e2),
-    "bed.part_mm": Input("mm", 2e-2, 2e2),
+    "bed.failure_mm": Input("mm", 2e-2, 2e2),
     "bed.scatter": Input("", 0.0, 1.0),
     "bed.slack_mm": Input("mm", 0.0, 10.0),
     "bed.gap_mm": Input("mm", 0.1, 100.0),

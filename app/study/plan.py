@@ -15,6 +15,7 @@ import msgspec
 
 from app.anatomy import Anatomy, anatomy_named, drawn_anatomy, read_anatomy, shipped_anatomies
 from app.bounded_file import read_bounded
+from app.older_keys import with_present_keys
 from app.simulation import Preset, Script, preset_named, presets, read_preset, read_script
 from app.study.correlation import Correlation, copula_factor
 from app.study.distribution import Choices, Distribution, distribution_of
@@ -167,7 +168,7 @@ def read_plan(path: Path, *, files: bool = True) -> Plan:
     content = read_bounded(path, MOST_BYTES, "plan")
     try:
         text = content.decode()
-        table = tomllib.loads(text)
+        table = with_present_keys(tomllib.loads(text))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path} is no TOML file: {error}") from None
     return _plan(table, text, _Lines(str(path), text), path.parent if files else None)
@@ -423,14 +424,16 @@ def _check_whole(plan: Plan, lines: _Lines) -> None:
         )
     refuse(("break_stress_MPa", "break_force_N"), "a strength is given by one of them")
     refuse(("force_N", "deflection_mm"), "a load is one of them")
-    refuse(("grasp_mm", "grasp_share"), "a grasp is given by one of them")
-    refuse(("bed.toughness_J_m2", "bed.strength_kPa"), "toughness is strength times part_mm / 2")
-    refuse(("bed.toughness_J_m2", "bed.stiffness_kPa_mm"), "give strength and stiffness")
-    refuse(("bed.yield_mm", "bed.stiffness_kPa_mm"), "yield_mm is strength over stiffness")
+    refuse(("grasp_mm", "grasp_fraction"), "a grasp is given by one of them")
+    refuse(
+        ("bed.toughness_J_per_m2", "bed.strength_kPa"), "toughness is strength times failure_mm / 2"
+    )
+    refuse(("bed.toughness_J_per_m2", "bed.stiffness_kPa_per_mm"), "give strength and stiffness")
+    refuse(("bed.yield_mm", "bed.stiffness_kPa_per_mm"), "yield_mm is strength over stiffness")
     if "organ" in given:
         refuse(("organ", "diameter_mm"), "an organ has its own sections")
     if plan.has_bed:
-        for name in ("theory", "q", "force_N", "deflection_mm", "grasp_mm", "grasp_share"):
+        for name in ("theory", "q", "force_N", "deflection_mm", "grasp_mm", "grasp_fraction"):
             if name in given:
                 raise lines.wrong(
                     _place(plan, name),

@@ -35,7 +35,7 @@ Row = NDArray[np.float64]
 
 Z = 1.959964
 """Of the normal distribution, for 95 %."""
-SHARES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+FRACTIONS = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 MOST_CELLS = 8
 """Cells of a grid that are drawn; the JSON has all."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")
@@ -72,29 +72,31 @@ class TearCurve:
         self.probability: Row = torn / max(self.count, 1)
         self.low, self.high = wilson(torn, self.count)
 
-    def load_at(self, share: float) -> tuple[float, float, float]:
+    def load_at(self, fraction: float) -> tuple[float, float, float]:
         """Return the load at which this share of ducts is torn, and its 95 % band; nan: none."""
         from scipy.stats import binom
 
         # An end is nan, open, where so few ducts lie beyond it that they do not bound it. Order
         # statistics: fewer than i of the ducts are torn at the load that is sought, and the i-th
         # is above it, as often as the binomial distribution has it, whatever that of the breaks.
-        low, high = (int(binom.ppf(part, self.count, share)) for part in (0.025, 0.975))
+        low, high = (int(binom.ppf(part, self.count, fraction)) for part in (0.025, 0.975))
         found = self._sorted
         values = [
             float(found[at]) if 0 <= at < found.size else math.nan
-            for at in (int(share * self.count), low - 1, high)
+            for at in (int(fraction * self.count), low - 1, high)
         ]
         return values[0], values[1], values[2]
 
 
 def wilson(hits: NDArray[np.int64], count: int) -> tuple[Row, Row]:
     """Return the ends of Wilson's 95 % intervals of a probability."""
-    share = hits / max(count, 1)
+    fraction = hits / max(count, 1)
     over = 1.0 + Z**2 / max(count, 1)
-    middle = (share + 0.5 * Z**2 / max(count, 1)) / over
+    middle = (fraction + 0.5 * Z**2 / max(count, 1)) / over
     half = (
-        Z / over * np.sqrt(share * (1.0 - share) / max(count, 1) + 0.25 * (Z / max(count, 1)) ** 2)
+        Z
+        / over
+        * np.sqrt(fraction * (1.0 - fraction) / max(count, 1) + 0.25 * (Z / max(count, 1)) ** 2)
     )
     return np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0)
 
@@ -253,12 +255,12 @@ def _tear_figures(curve: TearCurve) -> dict[str, Any]:
     return {
         "broke": curve.broke,
         "torn_at": {
-            f"{share:g}": {
+            f"{fraction:g}": {
                 "load": _finite(values[0]),
                 "band_95": [_finite(values[1]), _finite(values[2])],
             }
-            for share in SHARES
-            for values in [curve.load_at(share)]
+            for fraction in FRACTIONS
+            for values in [curve.load_at(fraction)]
         },
         "curve": {
             "load": curve.loads.tolist(),
@@ -276,7 +278,9 @@ def _quantiles(values: Row) -> dict[str, Any]:
     return {
         "mean": float(found.mean()),
         "sd": float(found.std(ddof=1)) if found.size > 1 else None,
-        "quantiles": {f"{share:g}": float(np.quantile(found, share)) for share in SHARES},
+        "quantiles": {
+            f"{fraction:g}": float(np.quantile(found, fraction)) for fraction in FRACTIONS
+        },
     }
 
 
@@ -319,9 +323,9 @@ def _summary(
             at = cell[name]["torn_at"]
             few, half = at["0.05"]["load"], at["0.5"]["load"]
             if half is None:
-                share = cell[name]["broke"] / max(cell["ducts"], 1)
+                fraction = cell[name]["broke"] / max(cell["ducts"], 1)
                 lines.append(
-                    f"{where}{100.0 * share:.1f} % of {one}s break at all ({WORDS[name]})."
+                    f"{where}{100.0 * fraction:.1f} % of {one}s break at all ({WORDS[name]})."
                 )
                 continue
             most = at["0.95"]["load"]
@@ -404,13 +408,13 @@ def _page(
 
 
 def _cell_table(cell: dict[str, Any]) -> str:
-    head = "".join(f'<th class="n">{100 * share:g} %</th>' for share in SHARES)
+    head = "".join(f'<th class="n">{100 * fraction:g} %</th>' for fraction in FRACTIONS)
     rows = ""
     for name in (each for each in UNITS if each in cell):
         unit, at = UNITS[name], cell[name]["torn_at"]
         values = ""
-        for share in SHARES:
-            load, (low, high) = at[f"{share:g}"]["load"], at[f"{share:g}"]["band_95"]
+        for fraction in FRACTIONS:
+            load, (low, high) = at[f"{fraction:g}"]["load"], at[f"{fraction:g}"]["band_95"]
             ends = " to ".join("open" if end is None else _number(end) for end in (low, high))
             band = ends if load is not None else ""
             values += f'<td class="n" title="95 %: {band}">{_number(load)}</td>'

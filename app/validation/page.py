@@ -75,13 +75,13 @@ def hollow_table(hollow: Sequence[HollowErrors]) -> str:
     head = ["wall / diameter", "force, N", "solid, mm", "stress / E", "plane, %", "space, %"]
     rows: list[list[str]] = []
     for each in hollow:
-        share = f"{each.solid.wall:g} / {each.solid.diameter:g} mm"
+        fraction = f"{each.solid.wall:g} / {each.solid.diameter:g} mm"
         for (force, deflection), stress, plane, space in zip(
             each.solid.curve.items(), each.stress, each.plane, each.space, strict=True
         ):
             figures = [f"{force:g}", f"{deflection:.4g}", f"{stress:.2f}"]
-            rows.append([share, *figures, f"{plane:+.2f}", f"{space:+.2f}"])
-            share = ""
+            rows.append([fraction, *figures, f"{plane:+.2f}", f"{space:+.2f}"])
+            fraction = ""
     return markdown_table(head, rows)
 
 

@@ -154,10 +154,10 @@ def _loft_cuts(
                 low += (rings[place, line, c] - points[m, c]) * normals[m, c]
                 high += (rings[place + 1, line, c] - points[m, c]) * normals[m, c]
             rise = high - low
-            share = min(max(-low / rise, 0.0), 1.0) if rise != 0.0 else 0.0
+            fraction = min(max(-low / rise, 0.0), 1.0) if rise != 0.0 else 0.0
             for c in range(3):
                 cuts[m, line, c] = (
-                    rings[place, line, c] * (1.0 - share) + rings[place + 1, line, c] * share
+                    rings[place, line, c] * (1.0 - fraction) + rings[place + 1, line, c] * fraction
                 )
     return cuts
 

@@ -33,7 +33,7 @@ BEND_WEIGHT = 0.2
 WAVES = 6
 # Along more than this share of an edge there must be a step of at least this share of the contrast.
 SMALLEST_STEP = 0.06
-STEPPED_SHARE = 0.85
+STEPPED_FRACTION = 0.85
 # And the area may not change by more than this share at once.
 LARGEST_AREA_CHANGE = 0.3
 
@@ -64,7 +64,7 @@ def carried_edge(
     stepped = steps[np.arange(len(path)), path] >= SMALLEST_STEP
     carried = _even(edge + moves[path][:, np.newaxis] * normals)
     change = enclosed_area(carried) / enclosed_area(edge) - 1.0
-    if stepped.mean() < STEPPED_SHARE or abs(change) > LARGEST_AREA_CHANGE:
+    if stepped.mean() < STEPPED_FRACTION or abs(change) > LARGEST_AREA_CHANGE:
         return None
     return carried
 

@@ -19,9 +19,9 @@ def median_where(levels: Levels, mask: Mask) -> tuple[float, int]:
     return (float(np.median(values)) if count else np.nan), count
 
 
-def level_exceeded(levels: Levels, mask: Mask, share: float) -> float:
+def level_exceeded(levels: Levels, mask: Mask, fraction: float) -> float:
     """Return the level that a share of a mask's pixels exceed."""
-    return float(np.quantile(_values_where(levels, mask)[0], 1.0 - share))
+    return float(np.quantile(_values_where(levels, mask)[0], 1.0 - fraction))
 
 
 def median_change(levels: Levels, others: Levels) -> float:

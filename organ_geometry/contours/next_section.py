@@ -60,17 +60,17 @@ REACH = 0.4
 # Ground is won or lost without reason where the image hardly changed, by less than this share of
 # the contrast. More than this share of the organ's area of it is a leak.
 UNCHANGED = 0.3
-LEAK_SHARE = 0.15
+LEAK_FRACTION = 0.15
 # So is sudden growth by this factor of an organ whose area was steady to within the other.
 SUDDEN_GROWTH = 2.0
 STEADY = 1.5
 # A second part of at least this share of the first splits the organ.
-SPLIT_SHARE = 0.35
+SPLIT_FRACTION = 0.35
 # But not where what parts it is brighter than what is around, by more than this share of the
 # contrast: the flap of a dissection, a thrombus.
-SEPTUM_SHARE = 0.2
+SEPTUM_FRACTION = 0.2
 # A wall is open where a section lost its lumen and more than this share of its area with it.
-OPEN_SHARE = 0.25
+OPEN_FRACTION = 0.25
 # After a longer gap, an organ is the same one only if both share this much of their joint area.
 LONGEST_GAP = 3
 GAP_OVERLAP = 0.5
@@ -99,7 +99,7 @@ def next_section(
         if carried is None:
             raise NoEdgeFound(trouble)
         filled = fill(np.round(carried).astype(np.int32), bright.shape)
-        if region.other_part >= SPLIT_SHARE and not _is_septum(bright, filled, region, rule):
+        if region.other_part >= SPLIT_FRACTION and not _is_septum(bright, filled, region, rule):
             raise NoEdgeFound(trouble)
         region = replace(region, filled=filled, lumen=None, lumen_level=math.nan)
     if touches_border(region.filled):
@@ -226,7 +226,7 @@ def _trouble(
     last_name: str,
 ) -> str | None:
     """Return why the region that a grey level encloses is not the organ, or None if it is."""
-    if region.other_part >= SPLIT_SHARE:
+    if region.other_part >= SPLIT_FRACTION:
         return (
             f"the organ splits: beside the part that continues {last_name} there is one of "
             f"{region.other_part:.0%} of its area"
@@ -251,7 +251,7 @@ def _opens(before: Region, region: Region) -> bool:
     if before.lumen is None or region.lumen is not None:
         return False
     left = cv2.countNonZero(region.filled)
-    return left < (1.0 - OPEN_SHARE) * cv2.countNonZero(before.filled)
+    return left < (1.0 - OPEN_FRACTION) * cv2.countNonZero(before.filled)
 
 
 def _leaks(
@@ -263,7 +263,7 @@ def _leaks(
     rule: EdgeRule,
 ) -> bool:
     """Return whether the organ won or lost much ground where the image did not change."""
-    largest = LEAK_SHARE * last.areas[-1]
+    largest = LEAK_FRACTION * last.areas[-1]
     if cv2.countNonZero(cv2.bitwise_xor(region.filled, before.filled)) <= largest:
         return False
     won = without(region.solid, grown(before.filled, 2))
@@ -285,7 +285,7 @@ def _is_septum(bright: Image, filled: Mask, parts: Region, rule: EdgeRule) -> bo
     between, count = median_where(bright, without(grown(filled, -1), grown(above, 1)))
     if count == 0:
         return True
-    return between - level_around(bright, filled) > SEPTUM_SHARE * parts.contrast
+    return between - level_around(bright, filled) > SEPTUM_FRACTION * parts.contrast
 
 
 def _blurred_pair(

@@ -43,7 +43,7 @@ CLEAR_CONTRAST = 2.0
 SMALLEST_ORGAN_PX = 12.0
 # Grey levels are whole numbers; what is left of less than this is rounding of the blur.
 SMALLEST_CONTRAST = 1e-2
-SMALLEST_LUMEN_SHARE = 0.05
+SMALLEST_LUMEN_FRACTION = 0.05
 # A lumen differs from its wall by at least this share of what the wall differs from outside.
 LUMEN_CONTRAST = 0.3
 
@@ -288,7 +288,7 @@ def _hole(smoothed: Image, filled: Mask, level: float) -> Mask | None:
     """Return the largest hole below a level that the organ closes in, or None."""
     low = smoothed <= level
     inside = filled > 0
-    smallest = SMALLEST_LUMEN_SHARE * cv2.countNonZero(filled)
+    smallest = SMALLEST_LUMEN_FRACTION * cv2.countNonZero(filled)
     if cv2.countNonZero(mask_of(low & inside)) < smallest:
         return None
     outlines, tree = cv2.findContours(mask_of(inside & ~low), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)

@@ -35,7 +35,7 @@ BOTTOM = slice(2 + COEFFICIENTS, ROW_SIZE)
 
 # A polynomial cannot stand upright as a round boundary does at its two ends. Ending the range a
 # little inside and closing it by a short vertical segment gives the smallest distance.
-RANGE_SHARE = 0.995
+RANGE_FRACTION = 0.995
 
 # A half-curve that leaves the box around its points by more than this share of the box's longer
 # side has run away where it has no points. Round and oval sections stay below 0.03.
@@ -120,7 +120,7 @@ def fit_half_curves(points: NDArray[np.float64]) -> HalfCurves:
         curve = even_points(boundary, _RESAMPLED_POINTS)
         halves, weights = boundary_halves(curve)
     middle = 0.5 * (left + right)
-    half_width = 0.5 * width * RANGE_SHARE
+    half_width = 0.5 * width * RANGE_FRACTION
     first, second = (
         _fit_half(curve, weights, int(start), int(count), middle, half_width)
         for start, count in halves

@@ -45,9 +45,11 @@ def key_sections(
 def _largest_error(boundaries: list[NDArray[np.float64]], key: int, following: int) -> float:
     """Return the largest RMS distance, mm, of a section between two keys to its interpolation."""
     between = slice(key + 1, following)
-    share = np.arange(1.0, following - key) / (following - key)
-    share = share[:, np.newaxis, np.newaxis]
-    mixed = [outlines[key] * (1.0 - share) + outlines[following] * share for outlines in boundaries]
+    fraction = np.arange(1.0, following - key) / (following - key)
+    fraction = fraction[:, np.newaxis, np.newaxis]
+    mixed = [
+        outlines[key] * (1.0 - fraction) + outlines[following] * fraction for outlines in boundaries
+    ]
     return float(_rms_distances(mixed, [outlines[between] for outlines in boundaries]).max())
 
 

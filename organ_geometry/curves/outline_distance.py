@@ -32,7 +32,7 @@ def outline_distances(
 @njit(cache=True, nogil=True)
 def outline_feet(
     pieces: NDArray[np.intp],
-    shares: NDArray[np.float64],
+    fractions: NDArray[np.float64],
     points: NDArray[np.float64],
     outlines: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
@@ -46,10 +46,10 @@ def outline_feet(
     ends = np.empty(len(pieces), np.intp)
     parts = np.empty(len(pieces))
     for i in range(len(pieces)):
-        k, share, x, y = pieces[i], shares[i], points[i, 0], points[i, 1]
+        k, fraction, x, y = pieces[i], fractions[i], points[i, 0], points[i, 1]
         after = min(k + 1, len(outlines) - 1)
-        right = _between(outlines, k, after, share, 0, 0)
-        left = _between(outlines, k, after, share, columns, 0)
+        right = _between(outlines, k, after, fraction, 0, 0)
+        left = _between(outlines, k, after, fraction, columns, 0)
         best, end, part = np.inf, 0, 0.0
         # The column in which the point lies, or about that: u = cos(pi column / columns).
         width = right - left
@@ -62,12 +62,12 @@ def outline_feet(
             column = start if direction > 0 else start - 1
             while 0 <= column < columns:
                 near = column if direction > 0 else column + 1
-                off = direction * (x - _between(outlines, k, after, share, near, 0))
+                off = direction * (x - _between(outlines, k, after, fraction, near, 0))
                 if off > 0.0 and off * off > _FURTHER * best:
                     break
                 for half in range(2):
                     corner = column + 1 if half == 0 else last - column
-                    away, along = _foot(outlines, k, after, share, corner, x, y)
+                    away, along = _foot(outlines, k, after, fraction, corner, x, y)
                     if away < best:
                         best, end, part = away, corner, along
                 column += direction
@@ -75,7 +75,7 @@ def outline_feet(
             corner = 0 if half == 0 else columns + 1
             off = x - (right if half == 0 else left)
             if off * off <= _FURTHER * best:
-                away, along = _foot(outlines, k, after, share, corner, x, y)
+                away, along = _foot(outlines, k, after, fraction, corner, x, y)
                 if away < best:
                     best, end, part = away, corner, along
         squared[i], ends[i], parts[i] = best, end, part
@@ -119,10 +119,10 @@ def polygon_sides(
 
 @njit(cache=True, nogil=True)
 def _between(
-    outlines: NDArray[np.float64], k: int, after: int, share: float, corner: int, axis: int
+    outlines: NDArray[np.float64], k: int, after: int, fraction: float, corner: int, axis: int
 ) -> float:
     """Return a coordinate of a corner of the outline between two."""
-    return outlines[k, corner, axis] * (1.0 - share) + outlines[after, corner, axis] * share
+    return outlines[k, corner, axis] * (1.0 - fraction) + outlines[after, corner, axis] * fraction
 
 
 @njit(cache=True, nogil=True)
@@ -130,7 +130,7 @@ def _foot(
     outlines: NDArray[np.float64],
     k: int,
     after: int,
-    share: float,
+    fraction: float,
     corner: int,
     x: float,
     y: float,
@@ -138,10 +138,10 @@ def _foot(
     """Return a point's foot on the side that ends at a corner of the outline between two."""
     before = corner - 1 if corner > 0 else outlines.shape[1] - 1
     return foot_on_side(
-        _between(outlines, k, after, share, before, 0),
-        _between(outlines, k, after, share, before, 1),
-        _between(outlines, k, after, share, corner, 0),
-        _between(outlines, k, after, share, corner, 1),
+        _between(outlines, k, after, fraction, before, 0),
+        _between(outlines, k, after, fraction, before, 1),
+        _between(outlines, k, after, fraction, corner, 0),
+        _between(outlines, k, after, fraction, corner, 1),
         x,
         y,
     )
@@ -154,9 +154,9 @@ def foot_on_side(
     """Return a point's squared distance to a side, and its foot's share of the way along it."""
     sx, sy, tx, ty = x1 - x0, y1 - y0, x - x0, y - y0
     squared = sx * sx + sy * sy
-    share = 0.0
+    fraction = 0.0
     if squared > 0.0:
-        share = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
-    tx -= share * sx
-    ty -= share * sy
-    return tx * tx + ty * ty, share
+        fraction = min(max((tx * sx + ty * sy) / squared, 0.0), 1.0)
+    tx -= fraction * sx
+    ty -= fraction * sy
+    return tx * tx + ty * ty, fraction

@@ -102,10 +102,10 @@ def quantised_axis(
     )
     # Weight 1/2 of each squared component: a shift moves a point of a round boundary along its
     # normal by the cosine of the angle between, whose mean square is 1/2.
-    shares = np.full(len(wanted), 0.5)
+    fractions = np.full(len(wanted), 0.5)
     rest = -wanted
-    errors = np.array([shares @ (rest * rest)])
-    points = Residuals(np.zeros(len(wanted), dtype=np.intp), shares, rest, errors)
+    errors = np.array([fractions @ (rest * rest)])
+    points = Residuals(np.zeros(len(wanted), dtype=np.intp), fractions, rest, errors)
     penalty = penalty_row(Penalty(1.0 / bit_worth, 0.0, 0.0))
     bands, ones = dense_bands(design), np.ones((1, len(wanted)))
     for level in range(1, depth + 1):

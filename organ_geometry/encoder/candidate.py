@@ -101,7 +101,7 @@ class CandidateEncoder:
         self._lofts: list[ContourLoft] = []
         counts = np.sum([[len(edge) for edge in edges] for edges in self._edges], axis=0)
         # Each section's part of all edge points: the overall RMS weights sections by it.
-        self._shares = counts / counts.sum()
+        self._fractions = counts / counts.sum()
         # No image resolves a thousandth of the radius, and a tolerance of fifty radii constrains
         # nothing: both bound the numbers that the search has to do with.
         finest = 1e-3 * self._radius
@@ -154,7 +154,7 @@ class CandidateEncoder:
         some.limits = self.limits[chosen]
         some.depth = _depth(len(chosen))
         some._lofts = []
-        some._shares = self._shares[chosen] / self._shares[chosen].sum()
+        some._fractions = self._fractions[chosen] / self._fractions[chosen].sum()
         return some
 
     def evaluate_on_all(self, one: Encoding) -> Encoding | None:
@@ -208,7 +208,7 @@ class CandidateEncoder:
     def encode(
         self,
         sampling: AxisSampling,
-        share: float,
+        fraction: float,
         bit_worth: float,
         rounds: int,
         *,
@@ -220,7 +220,7 @@ class CandidateEncoder:
         # squared steps in the first encoding; there are none if the steps leave nothing of a
         # section. (K,) keys are the key sections, if they are chosen already. The nearest come as
         # near to the sections as the steps allow.
-        scale = scale_number(share * self.step_unit)
+        scale = scale_number(fraction * self.step_unit)
         step = self.tolerance * scale_of(scale)
         weights = np.full(sampling.samples + 1, len(self.contours) / (sampling.samples + 1))
         sections = sampling.encoder.encode(step, bit_worth * step**2, weights, keys)
@@ -239,7 +239,7 @@ class CandidateEncoder:
             # All sections' errors at their limit cost a share of the bits.
             errors = len(self.contours) * (self._overall / self._allowed) ** 2
             # The sum of D at the overall limit, times the slope, is that share of the file's bits.
-            slope = settings.overall_share * 8.0 * len(one.data) / errors
+            slope = settings.overall_fraction * 8.0 * len(one.data) / errors
             penalty = replace(penalty, slope=slope)
         controller = PenaltyController(penalty, together=together)
         found: list[Encoding] = []
@@ -298,7 +298,7 @@ class CandidateEncoder:
         # Steps as long as a section is wide may leave none of it.
         if rms is None:
             return None
-        overall = math.sqrt(float(self._shares @ (rms * rms)))
+        overall = math.sqrt(float(self._fractions @ (rms * rms)))
         worst = max(float((rms / self.limits).max()), overall / self._overall)
         return Encoding(code, sampling, rms, overall, worst)
 

@@ -109,7 +109,7 @@ def descend(
     # its neighbours, as in Gauss-Seidel iteration.
     row, change, step, bits = coordinates
     first, last, start, weights = bands
-    sections, shares, residuals, errors = points
+    sections, fractions, residuals, errors = points
     effect = np.empty(len(residuals))  # A_pi of one integer
     linear = np.zeros(len(errors))  # l_s
     quadratic = np.zeros(len(errors))  # k_s
@@ -131,7 +131,7 @@ def descend(
                 for p in range(p0, p1):
                     a = weights[at + p] * changes[change[i], p] * step[i]
                     effect[p] = a
-                    weighted = shares[p] * a
+                    weighted = fractions[p] * a
                     linear[sections[p]] += weighted * residuals[p]
                     quadratic[sections[p]] += weighted * a
                 # Newton's step of sum phi, of which the wall's own curvature is left out: the sum's
@@ -207,7 +207,7 @@ def zero_groups(
     # one they would not go: each alone costs more error than it saves bits.
     row, change, step, bits = coordinates
     first, last, start, weights = bands
-    sections, shares, residuals, errors = points
+    sections, fractions, residuals, errors = points
     trial = np.empty(len(residuals))  # e_p without the group
     after = np.zeros(len(errors))  # change of D_s
     zeroed = 0
@@ -234,7 +234,7 @@ def zero_groups(
         for s in range(s0, s1):
             after[s] = 0.0
         for p in range(p0, p1):
-            after[sections[p]] += shares[p] * (trial[p] * trial[p] - residuals[p] * residuals[p])
+            after[sections[p]] += fractions[p] * (trial[p] * trial[p] - residuals[p] * residuals[p])
         cost = 0.0
         for s in range(s0, s1):
             cost += _phi(errors[s] + after[s], penalty) - _phi(errors[s], penalty)

@@ -92,7 +92,7 @@ class EdgeJacobian:
             slices=slices,
             lumen=table[1, order] > 0.0,
             points=points,
-            at=(points.piece + points.share) * (candidates / pieces),
+            at=(points.piece + points.fraction) * (candidates / pieces),
             # One in all of a slice, so that D is the mean of its points.
             weights=stands_for / np.bincount(slices, stands_for, count)[slices],
             pieces=pieces,
@@ -161,9 +161,10 @@ def _changes(
     before = ends - 1
     u = at_corner[before] + parts * (at_corner[ends] - at_corner[before])
     h = sign[before] + parts * (sign[ends] - sign[before])
-    share = points.share[:, np.newaxis]
+    fraction = points.fraction[:, np.newaxis]
     first, last = (
-        outlines[points.piece, corner] * (1.0 - share) + outlines[points.piece + 1, corner] * share
+        outlines[points.piece, corner] * (1.0 - fraction)
+        + outlines[points.piece + 1, corner] * fraction
         for corner in (before, ends)
     )
     side = last - first

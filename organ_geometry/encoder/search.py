@@ -235,8 +235,8 @@ class Search:
             costs = [candidates.axis(levels, scale).cost for levels in range(1, most + 1)]
             self._middle = 1 + int(np.argmin(costs))
             sampling = candidates.sample(self._middle, scale, candidates.depth)
-            turn, share = best_turn(sampling.outlines.outer)
-            self._turn = turn if share < self._settings.rotation_used else 0
+            turn, fraction = best_turn(sampling.outlines.outer)
+            self._turn = turn if fraction < self._settings.rotation_used else 0
         for more in beyond:
             if 1 <= self._middle + more <= most:
                 yield self._middle + more
@@ -245,8 +245,8 @@ class Search:
         """Yield the contours sampled across axes of several levels and steps, and rotated."""
         settings, candidates = self._settings, self._candidates
         for levels in self._levels(settings.axis_levels):
-            for share in settings.axis_steps:
-                scale = scale_number(share * candidates.step_unit)
+            for fraction in settings.axis_steps:
+                scale = scale_number(fraction * candidates.step_unit)
                 for depth in depths:
                     yield candidates.sample(levels, scale, depth, self._turn)
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kernel_cache import njit
-from organ_geometry.curves.half_curves import COEFFICIENTS, RANGE_SHARE
+from organ_geometry.curves.half_curves import COEFFICIENTS, RANGE_FRACTION
 from organ_geometry.curves.key_blend import KeyBlend
 from organ_geometry.encoder.coordinate_descent import (
     ANYWHERE,
@@ -252,8 +252,8 @@ def nearest_differences(
     integers[-1] = _rounded(values[-1] - decoded[0], dead)
     decoded[-1] = decoded[0] + integers[-1]
     for key, low, high, _ in known_order(keys):
-        share = float(keys[key] - keys[low]) / float(keys[high] - keys[low])
-        line = (1.0 - share) * decoded[low] + share * decoded[high]
+        fraction = float(keys[key] - keys[low]) / float(keys[high] - keys[low])
+        line = (1.0 - fraction) * decoded[low] + fraction * decoded[high]
         integers[key] = _rounded(values[key] - line, dead)
         decoded[key] = line + integers[key]
     return integers
@@ -268,7 +268,7 @@ def extents(outlines: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return half width and middle of outlines."""
     # The half-curves span a share of the width: a polynomial cannot stand upright at its end.
     low, high = outlines[:, :, 0].min(axis=1), outlines[:, :, 0].max(axis=1)
-    return np.stack([0.5 * RANGE_SHARE * (high - low), 0.5 * (high + low)], axis=1)
+    return np.stack([0.5 * RANGE_FRACTION * (high - low), 0.5 * (high + low)], axis=1)
 
 
 def fitted_signals(
@@ -292,8 +292,8 @@ def fitted_signals(
         fit = np.zeros((len(outlines), COEFFICIENTS))
         left = np.arange(len(outlines), dtype=np.intp)
         # Held to the round half with this share of its weight: more where it runs away with less.
-        for share in (1e-4, 1e-2, 1.0):
-            held = share * trace[left]
+        for fraction in (1e-4, 1e-2, 1.0):
+            held = fraction * trace[left]
             fit[left] = np.linalg.solve(
                 system[left] + held[:, :, np.newaxis] * np.eye(COEFFICIENTS),
                 (sums[left] + held * round_half[left])[:, :, np.newaxis],

@@ -67,7 +67,7 @@ class EncoderSettings:
     nearest_penalty: Penalty = Penalty(30.0, 3000.0, 0.9)
     # Where all sections together are promised: slope D so that errors cost this share of the bits,
     # because bits go with the logarithm of the error.
-    overall_share: float = 0.4
+    overall_fraction: float = 0.4
     # How many of the smallest encodings have their key sections moved, dropped and added one by
     # one, in how many rounds, and the bits such a move must save (table: full effort).
     moved: int = 0

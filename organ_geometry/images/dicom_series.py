@@ -35,8 +35,8 @@ SIGNED = "0028|0103"
 
 # Images nearer than this share of the usual distance stand at one position; a distance that is
 # further than the second share from the usual one is said.
-SAME_PLACE_SHARE = 0.01
-UNEVEN_SHARE = 0.02
+SAME_PLACE_FRACTION = 0.01
+UNEVEN_FRACTION = 0.02
 # Directions and sizes of one series agree to this many decimals.
 _DECIMALS = 3
 
@@ -190,7 +190,7 @@ def _distances(
     if len(steps) == 0:
         return 0.0, ()
     usual = float(np.median(steps))
-    same = [at for at, step in enumerate(steps) if step <= SAME_PLACE_SHARE * usual]
+    same = [at for at, step in enumerate(steps) if step <= SAME_PLACE_FRACTION * usual]
     if same:
         one, other = ordered[same[0]].file.name, ordered[same[0] + 1].file.name
         more = f", and {len(same) - 1} more" if len(same) > 1 else ""
@@ -199,7 +199,7 @@ def _distances(
             f"a series has one image at each place"
         )
     check_spacing("slice spacing", usual, folder)
-    uneven = [at for at, step in enumerate(steps) if abs(step - usual) > UNEVEN_SHARE * usual]
+    uneven = [at for at, step in enumerate(steps) if abs(step - usual) > UNEVEN_FRACTION * usual]
     if not uneven:
         return usual, ()
     places = list_text(

@@ -18,7 +18,7 @@ from organ_geometry.images.grey_image import GreyImage, ImageStackError, size_te
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"})
 TIFF_SUFFIXES = frozenset({".tif", ".tiff"})
 # Of the steps from name to name that are alike: fewer, and the numbers are no images' numbers.
-_USUAL_SHARE = 0.8
+_USUAL_FRACTION = 0.8
 
 _READ_GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 
@@ -116,7 +116,7 @@ def name_jumps(names: tuple[str, ...]) -> dict[int, int]:
     numbers = [int(each) for each in columns[0]]
     steps = [after - before for before, after in pairwise(numbers)]
     usual = sorted(steps)[len(steps) // 2]
-    if usual < 1 or sum(step == usual for step in steps) < _USUAL_SHARE * len(steps):
+    if usual < 1 or sum(step == usual for step in steps) < _USUAL_FRACTION * len(steps):
         return {}
     return {
         place: step // usual - 1

@@ -26,7 +26,7 @@ INDEX_AXES = ("i", "j", "k")
 SPACE_AXES = ("x", "y", "z")
 
 # Planes are evenly spaced if none is further off than this share of their distance.
-EVEN_SHARE = 0.01
+EVEN_FRACTION = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +121,7 @@ def even_step(planes: ImagePlanes, where: Path) -> NDArray[np.float64]:
     step = steps.mean(axis=0)
     distance = float(np.linalg.norm(step))
     turned = np.abs(planes.frames - planes.frames[0]).max() > DIRECTION_TOLERANCE
-    uneven = np.abs(steps - step).max() > EVEN_SHARE * distance
+    uneven = np.abs(steps - step).max() > EVEN_FRACTION * distance
     leaning = np.abs(planes.frames[0, :, :2].T @ step).max() > DIRECTION_TOLERANCE * distance
     if turned or uneven or leaning:
         what = "parallel" if turned else "evenly spaced" if uneven else "straight above each other"

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-__all__ = ["DOUBTED_SHARE", "LabelParts", "label_parts"]
+__all__ = ["DOUBTED_FRACTION", "LabelParts", "label_parts"]
 
-DOUBTED_SHARE = 0.02
+DOUBTED_FRACTION = 0.02
 """A second part with more than this share of a label is a doubt."""
 
 
@@ -22,7 +22,7 @@ class LabelParts:
     largest: NDArray[np.bool_]  # (K, J, I)
     count: int
     second: int  # voxels
-    share: float  # of all voxels
+    fraction: float  # of all voxels
     gap: float  # between the two, mm
 
 

@@ -251,13 +251,13 @@ def _volume_stack(source: Path, label: int | None, window: Window | None) -> Ima
     voxels, planes, levels = read_volume(source, label=label, window=window)
     doubts: list[str] = []
     if label is not None:
-        from organ_geometry.images.label_parts import DOUBTED_SHARE, label_parts
+        from organ_geometry.images.label_parts import DOUBTED_FRACTION, label_parts
 
         parts = label_parts(voxels > 0, np.array([*planes.pixel_size, planes.slice_spacing]))
-        if parts.share > DOUBTED_SHARE:
+        if parts.fraction > DOUBTED_FRACTION:
             doubts.append(
                 f"label {label} is in {parts.count} parts, the second {parts.gap:.1f} mm from the "
-                f"first and {parts.share:.0%} of it, and an organ is one: join them"
+                f"first and {parts.fraction:.0%} of it, and an organ is one: join them"
             )
     stack = ImageStack(
         source=source,

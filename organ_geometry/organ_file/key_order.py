@@ -37,7 +37,7 @@ def differences_to_values(keys: NDArray[np.intp]) -> NDArray[np.float64]:
     values[:, 0][[0, -1]] = 1.0
     values[-1, -1] = 1.0
     for key, low, high, _ in known_order(keys):
-        share = float(keys[key] - keys[low]) / float(keys[high] - keys[low])
-        values[key] = (1.0 - share) * values[low] + share * values[high]
+        fraction = float(keys[key] - keys[low]) / float(keys[high] - keys[low])
+        values[key] = (1.0 - fraction) * values[low] + fraction * values[high]
         values[key, key] = 1.0
     return values

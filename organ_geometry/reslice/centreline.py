@@ -26,14 +26,14 @@ from organ_geometry.reslice.plane_cut import plane_cut
 _ROUNDS = 4
 # The line's points are this share of the tube's radius apart while they are moved to the middle,
 # and what smooths them and their tangents reaches so many radii to either side.
-_POINT_SHARE = 0.125
+_POINT_FRACTION = 0.125
 SMOOTH_RADII = 1.0
 TANGENT_RADII = 1.5
 # A tube is at least so many times as long as thick.
 _LONG_AND_THIN = 2.0
 # How far a section may reach, and its middle be from the minimal path, in depths there.
 _REACH_DEPTHS = 3.0
-_OFF_SHARE = 0.7
+_OFF_FRACTION = 0.7
 # A line that has grown by more than this in being moved to the middle has lost its way.
 _LONGEST_GROWTH = 1.2
 
@@ -98,7 +98,7 @@ def centreline(tube: Tube) -> Centreline:
     thick = 2.0 * float(way.depths.max())
     if length < _LONG_AND_THIN * thick or np.count_nonzero(kept) < 5:
         raise NoTube(f"it is {length:.4g} long and {thick:.4g} thick, and must be long and thin")
-    gap = max(_POINT_SHARE * radius, float(tube.sizes.min()))
+    gap = max(_POINT_FRACTION * radius, float(tube.sizes.min()))
     start = smooth_points(evenly_spaced(way.points[kept], gap), round(SMOOTH_RADII * radius / gap))
     points = start
     for _ in range(_ROUNDS):
@@ -127,7 +127,7 @@ def _moved_to_middle(
             middles[index] += frame[:, :2] @ section.mean(axis=0)
     # Where tubes touch, a section is of both: the minimal path stays within one.
     off = middles - nearest
-    far = np.linalg.norm(off, axis=1) / (_OFF_SHARE * depths)
+    far = np.linalg.norm(off, axis=1) / (_OFF_FRACTION * depths)
     return nearest + off / np.maximum(far, 1.0)[:, np.newaxis]
 
 

@@ -60,8 +60,8 @@ def minimal_path(inside: NDArray[np.bool_], sizes: NDArray[np.float64]) -> Minim
     deepest = int(np.where(coarse, depths, -1.0).argmax())
     first = _furthest(coarse, even, steps, deepest)
     last = _furthest(coarse, even, steps, first)
-    share = np.where(coarse, depths, 0.0) / depths.flat[deepest]
-    slowness = 1.0 / (share + _SHALLOW) ** 2
+    fraction = np.where(coarse, depths, 0.0) / depths.flat[deepest]
+    slowness = 1.0 / (fraction + _SHALLOW) ** 2
     _, parents = _shortest_paths(coarse, slowness, steps, np.array([first]))
     path = [last]
     while path[-1] != first:

@@ -13,15 +13,15 @@ from organ_geometry.images.image_volume import even_step
 _FEWEST_IMAGES = 8
 
 # A mask: all but this share of its pixels are within this share of its levels of either end.
-_GREY_SHARE = 0.05
+_GREY_FRACTION = 0.05
 _GREY_LEVELS = 0.15
 # Images and sections that are looked at, spread over the stack.
 _SAMPLES = 48
 
 # In more than these shares of the slices the organ is lost or beside something else, or drifts by
 # over 45 degrees to the next. They are below those that decide: a closer look is what this is for.
-_LOST_SHARE = 0.08
-_DRIFT_SHARE = 0.12
+_LOST_FRACTION = 0.08
+_DRIFT_FRACTION = 0.12
 
 
 def needs_reslicing(stack: ImageStack, traced: TracedOrgan, options: TraceOptions) -> bool:
@@ -42,14 +42,14 @@ def _is_doubtful(stack: ImageStack, traced: TracedOrgan, options: TraceOptions, 
     sections = traced.sections
     # With a seed, what else an image shows is not looked for.
     beside = sum(section.other_part or section.carried for section in sections)
-    if options.seed is not None or len(traced.problems) + beside > _LOST_SHARE * len(stack):
+    if options.seed is not None or len(traced.problems) + beside > _LOST_FRACTION * len(stack):
         return True
     longest = max(float((np.ptp(one.outer, axis=0) * stack.pixel_size).max()) for one in sections)
     some = sections[:: math.ceil(len(sections) / _SAMPLES)]
     middles = np.array([one.outer.mean(axis=0) for one in some]) * stack.pixel_size
     drifts = np.linalg.norm(np.diff(middles, axis=0), axis=1)
     drifting = int(np.count_nonzero(drifts > gap * np.diff([one.index for one in some])))
-    return longest > gap * len(sections) or drifting > _DRIFT_SHARE * len(some)
+    return longest > gap * len(sections) or drifting > _DRIFT_FRACTION * len(some)
 
 
 def _are_masks(stack: ImageStack) -> bool:
@@ -62,4 +62,4 @@ def _is_mask(image: GreyImage) -> bool:
     low, high = int(image.min()), int(image.max())
     near = _GREY_LEVELS * (high - low)
     grey = np.count_nonzero((image > low + near) & (image < high - near))
-    return bool(grey <= _GREY_SHARE * image.size)
+    return bool(grey <= _GREY_FRACTION * image.size)

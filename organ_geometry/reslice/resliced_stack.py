@@ -41,12 +41,12 @@ When = Literal["auto", "always", "never"]
 _EDGE_PX = 6
 # Slices do not suit an organ of which so many of them show several parts, or whose centreline lies
 # flatter than 45 degrees to them over so much of its length.
-_PARTS_SHARE = 0.1
-_FLAT_SHARE = 0.2
+_PARTS_FRACTION = 0.1
+_FLAT_FRACTION = 0.2
 _FLAT_COSINE = 0.5**0.5
 
 # More than this share of the organ beside its sections is said.
-_BESIDE_SHARE = 0.05
+_BESIDE_FRACTION = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,12 +138,12 @@ def _reason(voxels: OrganVoxels, line: Centreline) -> str | None:
     """Return why slices do not suit an organ, or None if they do."""
     shown = int(np.count_nonzero(voxels.parts))
     several = int(np.count_nonzero(voxels.parts > 1))
-    if several > _PARTS_SHARE * shown:
+    if several > _PARTS_FRACTION * shown:
         return f"{several} of {shown} images show several parts of the organ"
     steps = np.diff(line.points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     flat = lengths[np.abs(steps[:, 2]) < _FLAT_COSINE * lengths].sum() / lengths.sum()
-    if flat > _FLAT_SHARE:
+    if flat > _FLAT_FRACTION:
         return f"the organ lies flatter than 45 degrees to the images over {flat:.0%} of its length"
     return None
 
@@ -177,7 +177,7 @@ def _resliced_along(
             f", of which {planes.crossing} cross their neighbours inside the organ, which bends "
             f"more tightly there than it is wide"
         )
-    if planes.beside > _BESIDE_SHARE:
+    if planes.beside > _BESIDE_FRACTION:
         first, last = (stack.names[voxels.corner[2] + index] for index in planes.beside_images)
         note += (
             f"; {planes.beside:.0%} of the organ lies beside them, in a branch or where it touches "

@@ -35,23 +35,23 @@ Floats = NDArray[np.float64]
 
 # Of a section's rim at another tube; a joined end begins where it is less. It is looked for over so
 # many radii from the end, and so much of it is always cut off: there an axis is led on straight.
-_FOREIGN_SHARE = 0.05
+_FOREIGN_FRACTION = 0.05
 _CUT_RADII, _LEAST_CUT_RADII = 3.5, 0.5
 # An end that is missed by more than this, in its radii, is led to the one that joins it; how far
 # beyond the other's axis a ray looks for it.
 _MEETS_RADII = 0.7
 _RAY_RADII = 1.5
 _RIM_POINTS = 48
-_SECTION_SHARE = 0.5  # between sections, of the radius
+_SECTION_FRACTION = 0.5  # between sections, of the radius
 # RMS distance of the organ to the wall found: of the radius, and in voxels at least.
-_OVERALL_SHARE, _OVERALL_VOXELS = 0.02, 0.08
+_OVERALL_FRACTION, _OVERALL_VOXELS = 0.02, 0.08
 # Sides of tubes that touch over more than this, in radii, with this share of their rims, and not
 # within so many radii of an end, are said.
-_TOUCH_RADII, _TOUCH_SHARE, _FROM_ENDS_RADII = 2.0, 0.04, 2.5
+_TOUCH_RADII, _TOUCH_FRACTION, _FROM_ENDS_RADII = 2.0, 0.04, 2.5
 # A part left out of a tube, in cubed radii, so far outside its wall, in radii: a branch.
 _BRANCH_VOLUME, _BRANCH_RADII = 2.0, 0.6
 _RAISES = 3  # of how near an organ is kept, where that cannot be
-_OPEN_SHARE = 0.02  # of a tube's side, beyond the volume
+_OPEN_FRACTION = 0.02  # of a tube's side, beyond the volume
 # Voxels around the tubes that are looked at: where there are none, the volume ends.
 _MARGIN = 10
 _THIN_VOXELS = 2.5  # of radius: a thinner tube is said
@@ -306,7 +306,7 @@ def _touches(
     middle = foreign[ends : len(foreign) - ends]
     found: list[tuple[str, str, float]] = []
     for label in (int(one) for one in np.unique(middle) if one != 0):
-        length = axis.step * float(((middle == label).mean(axis=1) > _TOUCH_SHARE).sum())
+        length = axis.step * float(((middle == label).mean(axis=1) > _TOUCH_FRACTION).sum())
         if length > _TOUCH_RADII * axis.radius:
             found.append((axis.name, names[label], length))
     return found
@@ -341,7 +341,7 @@ def _led(
     """Return a tube with its joined ends led to the axes that they join."""
     if not goals:
         return axis
-    places, share = axis.places, (foreign != 0).mean(axis=1)
+    places, fraction = axis.places, (foreign != 0).mean(axis=1)
     first, last = 0, len(places) - 1
     leads: dict[int, Floats] = {}
     for end, goal in goals.items():
@@ -350,8 +350,8 @@ def _led(
         least = min(round(_LEAST_CUT_RADII * radius / axis.step), most)
         if end not in to:
             least = min(2 * least, most)
-        free = share[::-1] if end else share
-        clear = np.flatnonzero(free[least : most + 1] < _FOREIGN_SHARE)
+        free = fraction[::-1] if end else fraction
+        clear = np.flatnonzero(free[least : most + 1] < _FOREIGN_FRACTION)
         cut = least + (int(clear[0]) if len(clear) else most - least)
         index = len(places) - 1 - cut if end else cut
         out = axis.frames[index, :, 2] * (1.0 if end else -1.0)
@@ -384,9 +384,9 @@ def _curve(start: Floats, out: Floats, goal: Floats, step: float) -> Floats:
     """Return points of a curve from a start, along a direction there, to a goal (parabola)."""
     distance = float(np.linalg.norm(goal - start))
     count = max(1, round(distance / step))
-    share = (np.arange(1, count + 1) / count)[:, np.newaxis]
+    fraction = (np.arange(1, count + 1) / count)[:, np.newaxis]
     bend = start + 0.5 * distance * out
-    return (1 - share) ** 2 * start + 2 * share * (1 - share) * bend + share**2 * goal
+    return (1 - fraction) ** 2 * start + 2 * fraction * (1 - fraction) * bend + fraction**2 * goal
 
 
 def _open_sides(volume: LabelVolume, axis: TubeAxis) -> list[str]:
@@ -396,17 +396,17 @@ def _open_sides(volume: LabelVolume, axis: TubeAxis) -> list[str]:
     beyond = ~inside.all(axis=1).reshape(len(axis.places), -1)
     # Its ends may stand askew on the volume's side.
     ends = min(round(_FROM_ENDS_RADII * axis.radius / axis.step), (len(beyond) - 1) // 2)
-    share = float(beyond[ends : len(beyond) - ends].mean())
-    if share < _OPEN_SHARE:
+    fraction = float(beyond[ends : len(beyond) - ends].mean())
+    if fraction < _OPEN_FRACTION:
         return []
-    if share > 0.5:
+    if fraction > 0.5:
         raise ImageStackError(
             f"label {axis.voxels.label} ({axis.name}) is no tube: the volume ends where most of "
             f"its side would be"
         )
     return [
-        f"{axis.name}: {share:.0%} of its side lie outside the volume, which cuts through it: what "
-        f"is beyond is made up"
+        f"{axis.name}: {fraction:.0%} of its side lie outside the volume, which cuts through it: "
+        f"what is beyond is made up"
     ]
 
 
@@ -433,12 +433,12 @@ def _organ(
     volume: LabelVolume, axis: TubeAxis, promise: Promise | None, voxel: float
 ) -> BuiltOrgan:
     """Return the organ of a tube's wall, by sections across its axis."""
-    count = max(6, round(axis.length / max(_SECTION_SHARE * axis.radius, 0.25 * voxel)) + 1)
+    count = max(6, round(axis.length / max(_SECTION_FRACTION * axis.radius, 0.25 * voxel)) + 1)
     stations = np.linspace(0.0, axis.length, count)
     at = stations / axis.step
     before = np.minimum(at.astype(np.intp), len(axis.places) - 2)
-    share = (at - before)[:, np.newaxis]
-    origins = (1.0 - share) * axis.places[before] + share * axis.places[before + 1]
+    fraction = (at - before)[:, np.newaxis]
+    origins = (1.0 - fraction) * axis.places[before] + fraction * axis.places[before + 1]
     nearest = np.rint(at).astype(np.intp).clip(0, len(axis.places) - 1)
     frames = axis.frames[nearest]
     angles = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
@@ -480,7 +480,7 @@ def _organ(
     fitted = fit_organ(stack, traced)
     if promise is not None:
         return build_fitted(fitted, promise, name=axis.name)
-    overall = max(_OVERALL_SHARE * axis.radius, _OVERALL_VOXELS * voxel)
+    overall = max(_OVERALL_FRACTION * axis.radius, _OVERALL_VOXELS * voxel)
     tolerance: float | None = None
     for _ in range(_RAISES):
         try:

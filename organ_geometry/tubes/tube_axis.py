@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from organ_geometry.images.grey_image import ImageStackError
-from organ_geometry.images.label_parts import DOUBTED_SHARE, label_parts
+from organ_geometry.images.label_parts import DOUBTED_FRACTION, label_parts
 from organ_geometry.images.label_volume import LabelVolume
 from organ_geometry.reslice.centreline import (
     SMOOTH_RADII,
@@ -32,11 +32,11 @@ __all__ = ["LabelVoxels", "TubeAxis", "label_voxels", "tube_axis"]
 Floats = NDArray[np.float64]
 
 # A second part of a label with more than this share of it is refused.
-_REFUSED_SHARE = 0.2
+_REFUSED_FRACTION = 0.2
 _FEWEST_VOXELS = 12
 # Least radius of a tube, in voxels.
 _THINNEST = 0.75
-_STEP_SHARE = 0.25  # between points of the axis, of the radius
+_STEP_FRACTION = 0.25  # between points of the axis, of the radius
 # Rounds of moving the axis to the middle of its wall; that of a tube of so many voxels of radius
 # is there from the start, by its sections.
 _ROUNDS, _LARGE_VOXELS = 5, 10.0
@@ -94,19 +94,19 @@ class TubeAxis:
     def nearest(self, place: Floats) -> tuple[float, float]:
         """Return the station nearest to a place and the distance there, mm."""
         steps = np.diff(self.places, axis=0)
-        share = ((place - self.places[:-1]) * steps).sum(axis=1) / (steps**2).sum(axis=1)
-        share = np.clip(share, 0.0, 1.0)
-        feet = self.places[:-1] + share[:, np.newaxis] * steps
+        fraction = ((place - self.places[:-1]) * steps).sum(axis=1) / (steps**2).sum(axis=1)
+        fraction = np.clip(fraction, 0.0, 1.0)
+        feet = self.places[:-1] + fraction[:, np.newaxis] * steps
         apart = np.linalg.norm(feet - place, axis=1)
         piece = int(apart.argmin())
-        return (piece + float(share[piece])) * self.step, float(apart[piece])
+        return (piece + float(fraction[piece])) * self.step, float(apart[piece])
 
     def place(self, station: float) -> Floats:
         """Return the (3,) place at a station, mm."""
         at = station / self.step
         before = min(int(at), len(self.places) - 2)
-        share = at - before
-        return (1.0 - share) * self.places[before] + share * self.places[before + 1]
+        fraction = at - before
+        return (1.0 - fraction) * self.places[before] + fraction * self.places[before + 1]
 
 
 def label_voxels(
@@ -143,12 +143,12 @@ def label_voxels(
     parts = label_parts(mine, volume.sizes)
     inside, voxel = parts.largest, float(volume.sizes.prod())
     doubts: list[str] = []
-    if parts.share > _REFUSED_SHARE:
+    if parts.fraction > _REFUSED_FRACTION:
         raise ImageStackError(
             f"label {label} ({name}) is in {parts.count} parts, the second {parts.gap:.1f} mm from "
-            f"the first and {parts.share:.0%} of it: join them, or give each a label of its own"
+            f"the first and {parts.fraction:.0%} of it: join them, or give each a label of its own"
         )
-    if parts.share > DOUBTED_SHARE:
+    if parts.fraction > DOUBTED_FRACTION:
         doubts.append(
             f"{name}: a part of {parts.second} voxels, {parts.gap:.1f} mm away, is left out of it"
         )
@@ -218,7 +218,7 @@ def tube_axis(volume: LabelVolume, voxels: LabelVoxels) -> TubeAxis:
 
 def fitted_axis(voxels: LabelVoxels, places: Floats, radius: float, voxel: float) -> TubeAxis:
     """Return an axis moved to the middle of its wall in a few rounds, and the wall."""
-    gap = _STEP_SHARE * radius
+    gap = _STEP_FRACTION * radius
     harmonics = 2 if radius < 3.0 * voxel else 4 if radius < 8.0 * voxel else 6
     for _ in range(_ROUNDS - 1 if radius < _LARGE_VOXELS * voxel else 0):
         places, frames = _smoothed(places, radius, gap)

@@ -30,7 +30,7 @@ _MISS_RADII = 1.1  # how near it comes to the other's axis
 _END_RADII = 1.2  # so near to an end of the other, in radii there, it is joined to that end
 # Two ends that found each other so near to the ends meet end to end.
 _MUTUAL_RADII = 3.0
-_SECTION_SHARE = 0.5
+_SECTION_FRACTION = 0.5
 _FEWEST_VOXELS = 4
 
 
@@ -151,7 +151,7 @@ def _join(
     join = join_of(tube, end, other, count)
     theirs = other.radius_at(other.nearest(ahead.point)[0])
     face = float(volume.sizes.prod()) ** (2.0 / 3.0)
-    needed = _SECTION_SHARE * np.pi * min(ahead.radius, theirs) ** 2 / face
+    needed = _SECTION_FRACTION * np.pi * min(ahead.radius, theirs) ** 2 / face
     limit = _MISS_RADII * theirs + 0.5 * float(volume.sizes.max())
     if ahead.cut or count < needed or (join.place == "middle" and join.miss > limit):
         why = f"its axis misses the other by {join.miss:.1f} mm"

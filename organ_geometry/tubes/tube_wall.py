@@ -38,7 +38,7 @@ _SHARPNESS = (0.8, 0.5, 0.35, 0.25, 0.15, 0.15, 0.15)
 # off the middle) the second, of the bend and the slope of each from knot to knot the others.
 _HARMONIC, _OFF, _BEND, _SLOPE = 0.2, 0.3, 0.05, 0.15
 _KNOT_VOXELS = 6.0
-_LEAST_SHARE = 0.25  # of the radius that is begun with
+_LEAST_FRACTION = 0.25  # of the radius that is begun with
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,8 +101,8 @@ def fitted_wall(
     weight = trust / voxel**2
     first = (design.T @ design.multiply(weight[:, np.newaxis])).tocsc() + prior
     found: Floats = np.asarray(spsolve(first, design.T @ (weight * away)))
-    for share in _SHARPNESS:
-        sharp = share * voxel
+    for fraction in _SHARPNESS:
+        sharp = fraction * voxel
         depth = np.clip((design @ found - away) / sharp, -30.0, 30.0)
         wave = np.tanh(0.5 * depth)
         chance = 0.5 + (0.5 - _WRONG) * wave  # that a centre there is in the label
@@ -114,7 +114,7 @@ def fitted_wall(
         change: Floats = np.asarray(spsolve(information, design.T @ score - prior @ found))
         found = found + np.clip(change, -0.5 * radius, 0.5 * radius)
         mean = found.reshape(count, width)
-        mean[:, 0] = np.maximum(mean[:, 0], _LEAST_SHARE * radius)
+        mean[:, 0] = np.maximum(mean[:, 0], _LEAST_FRACTION * radius)
     return TubeWall(knots, found.reshape(count, width))
 
 
@@ -148,7 +148,7 @@ def _design(stations: Floats, angles: Floats, knots: Floats, width: int) -> Any:
     """Return the (V, Q W) matrix that gives distances at voxels from the coefficients."""
     gap = knots[1] - knots[0]
     before = np.clip((stations / gap).astype(np.intp), 0, len(knots) - 2)
-    share = np.clip(stations / gap - before, 0.0, 1.0)
+    fraction = np.clip(stations / gap - before, 0.0, 1.0)
     waves = _harmonics(angles, width)
     count = len(stations)
     rows = np.repeat(np.arange(count), 2 * width)
@@ -157,7 +157,7 @@ def _design(stations: Floats, angles: Floats, knots: Floats, width: int) -> Any:
          (before[:, np.newaxis] + 1) * width + np.arange(width)], axis=1,
     )  # fmt: skip
     values = np.concatenate(
-        [(1.0 - share)[:, np.newaxis] * waves, share[:, np.newaxis] * waves], axis=1
+        [(1.0 - fraction)[:, np.newaxis] * waves, fraction[:, np.newaxis] * waves], axis=1
     )
     shape = (count, len(knots) * width)
     return csr_matrix((values.ravel(), (rows, columns.ravel())), shape=shape)

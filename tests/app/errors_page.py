@@ -93,7 +93,7 @@ def page() -> str:
     assert specimen.bed is not None
     beam = specimen.space_beam(elements=2)
     tissue = Conditions(
-        specimen.bed.yield_mm, specimen.bed.part_mm, float(beam.radius.mean()), None, None
+        specimen.bed.yield_mm, specimen.bed.failure_mm, float(beam.radius.mean()), None, None
     )
     failing = "\n".join(
         f"| {name.replace('_', ' ')} | {', '.join(kind.errors)} |"

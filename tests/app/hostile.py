@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed
 
 from benchmarks.page_protocol import CAMERA, Page, connected, hand_forces
 
-__all__ = ["ATTACKS", "kept_share", "run_attack"]
+__all__ = ["ATTACKS", "kept_fraction", "run_attack"]
 
 FLOOD = 3000  # messages
 HEAVY = 5 * [40_000_000]  # bytes
@@ -96,7 +96,7 @@ async def frames_each_second(page: Page, seconds: float) -> float:
     return frames / (time.monotonic() - start)
 
 
-def kept_share(address: str, attack: str, seconds: float = 3.0) -> float:
+def kept_fraction(address: str, attack: str, seconds: float = 3.0) -> float:
     """Return the share of its frames that a page keeps while an attack runs in a process."""
 
     async def witness(hostile: ProcessPoolExecutor) -> float:

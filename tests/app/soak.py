@@ -28,7 +28,7 @@ import psutil
 import viser
 from bombs import MEGABYTES, SECONDS, used_bombs
 from class_saver import check_killed, killed_while_saving
-from hostile import ATTACKS, kept_share
+from hostile import ATTACKS, kept_fraction
 from program import command
 
 from app.classroom.store import ClassStore
@@ -296,11 +296,11 @@ def neighbours(scale: float) -> Iterator[tuple[str, str]]:
     times = max(1, round(3 * scale))
     with trainer() as running:
         for name in ATTACKS:
-            shares = [kept_share(running.address, name) for _ in range(times)]
+            fractions = [kept_fraction(running.address, name) for _ in range(times)]
             yield (
                 f"{name}: a neighbour keeps of its frames",
-                f"{statistics.median(shares):.0%} (of {times}, {min(shares):.0%} to "
-                f"{max(shares):.0%}); a page then opens in "
+                f"{statistics.median(fractions):.0%} (of {times}, {min(fractions):.0%} to "
+                f"{max(fractions):.0%}); a page then opens in "
                 f"{asyncio.run(_opening(running.address)):.2f} s",
             )
 

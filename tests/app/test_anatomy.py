@@ -21,7 +21,7 @@ from app.anatomy import (
     tube_lines,
 )
 from app.anatomy.anatomy_geometry import joined_station
-from app.anatomy.frequencies import Share, Size, Tied, case_of, frequencies
+from app.anatomy.frequencies import Fraction, Size, Tied, case_of, frequencies
 from app.anatomy.tube_kinds import kind_of_name
 from app.simulation import bed_presets
 
@@ -124,9 +124,9 @@ def test_a_case_comes_back_from_its_text(cases: list[Anatomy], tmp_path: Path) -
 def test_shares_of_kinds_are_the_published_ones_within_the_sampling_error(
     cases: list[Anatomy],
 ) -> None:
-    for name, share in frequencies().share.items():
-        assert sum(share.values.values()) == pytest.approx(1.0)
-        for kind, wanted in share.values.items():
+    for name, fraction in frequencies().fraction.items():
+        assert sum(fraction.values.values()) == pytest.approx(1.0)
+        for kind, wanted in fraction.values.items():
             count = sum(anatomy.drawn[name] == kind for anatomy in cases)
             spread = math.sqrt(len(cases) * wanted * (1.0 - wanted))
             assert abs(count - len(cases) * wanted) <= SIGMAS * spread, (name, kind)
@@ -150,15 +150,15 @@ def test_a_size_cut_off_at_both_ends_has_its_distribution(draw: float) -> None:
     size = Size(mean=20.0, sd=8.0, source="", low=5.0, high=45.0)
     value, normal = size.at(draw), NormalDist(20.0, 8.0)
     assert 5.0 <= value <= 45.0
-    share = (normal.cdf(value) - normal.cdf(5.0)) / (normal.cdf(45.0) - normal.cdf(5.0))
-    assert share == pytest.approx(draw, abs=1e-4)  # it is rounded to 0.001 mm
+    fraction = (normal.cdf(value) - normal.cdf(5.0)) / (normal.cdf(45.0) - normal.cdf(5.0))
+    assert fraction == pytest.approx(draw, abs=1e-4)  # it is rounded to 0.001 mm
 
 
 def test_tied_kinds_keep_their_share_over_both_halves() -> None:
     values = {"high": 0.1, "mid": 0.78, "low": 0.12}
-    share = Share(values, "", tied=Tied("length", above=["low"], below=["high"]))
+    fraction = Fraction(values, "", tied=Tied("length", above=["low"], below=["high"]))
     draws = (np.arange(1000) + 0.5) / 1000
-    found = {half: [share.at(float(draw), half) for draw in draws] for half in (0.25, 0.75)}
+    found = {half: [fraction.at(float(draw), half) for draw in draws] for half in (0.25, 0.75)}
     assert "low" not in found[0.25]
     assert "high" not in found[0.75]
     for kind, wanted in values.items():
@@ -170,7 +170,7 @@ def test_a_further_frequency_changes_no_other_draw(monkeypatch: pytest.MonkeyPat
     before = case_of(7)
     known = frequencies()
     more = Size(mean=1.0, sd=0.1, source="")
-    grown = type(known)(size={"another_mm": more, **known.size}, share=known.share)
+    grown = type(known)(size={"another_mm": more, **known.size}, fraction=known.fraction)
     monkeypatch.setattr("app.anatomy.frequencies.frequencies", lambda: grown)
     after = case_of(7)
     assert after.kinds == before.kinds
@@ -179,7 +179,7 @@ def test_a_further_frequency_changes_no_other_draw(monkeypatch: pytest.MonkeyPat
 
 def test_every_frequency_has_a_source_or_is_named_as_assumed() -> None:
     known = frequencies()
-    for each in [*known.size.values(), *known.share.values()]:
+    for each in [*known.size.values(), *known.fraction.values()]:
         assert each.source
         assert "None" not in each.source or each.assumed
 
@@ -306,8 +306,8 @@ BROKEN: dict[str, tuple[str, str, str]] = {
         edited("strands = 200", "strands = 1000000"), "strands = 1000000", "1 to 200,000",
     ),
     "strands that part before they yield": (
-        edited('to = "cystic"\npreset', 'to = "cystic"\nyield_mm = 5.0\npart_mm = 1.0\npreset'),
-        "part_mm = 1.0", "'artery' to 'cystic'.*part at 1 mm",
+        edited('to = "cystic"\npreset', 'to = "cystic"\nyield_mm = 5.0\nfailure_mm = 1.0\npreset'),
+        "failure_mm = 1.0", "'artery' to 'cystic'.*part at 1 mm",
     ),
     "strands that yield at nothing": (
         edited('to = "cystic"\npreset', 'to = "cystic"\nyield_mm = 1e-300\npreset'),

@@ -14,7 +14,7 @@ from program import refused, run
 from rigged import walls
 
 from app.anatomy import place_of, read_anatomy, shipped_anatomies, tube_lines
-from app.anatomy.anatomy_mesh import EDGE_SHARE
+from app.anatomy.anatomy_mesh import EDGE_FRACTION
 from app.simulation import Tubes
 from organ_geometry import read_organ, round_organ
 from organ_geometry.mesh import organ_skin
@@ -125,7 +125,7 @@ def test_a_case_s_glb_has_a_rig_for_each_tube(case: Path, tmp_path: Path) -> Non
     assert report["issues"]["numErrors"] == 0
     for name in names:
         organ = read_organ(case / f"{name}.organ")
-        skin = organ_skin(organ, edge_length=EDGE_SHARE * organ.mean_radius)
+        skin = organ_skin(organ, edge_length=EDGE_FRACTION * organ.mean_radius)
         for shown, wanted in zip(gltf.vertices(name), walls(skin, skin.vertices), strict=True):
             np.testing.assert_allclose(shown, wanted, atol=1e-7)
 

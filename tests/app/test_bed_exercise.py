@@ -191,7 +191,7 @@ def test_limits_follow_the_bed_and_not_its_seed() -> None:
     assert scar is not None
     assert scar.bed == "scar"
     # Tougher than the duct: no hook frees it, so none is asked to.
-    tough = msgspec.structs.replace(bed_named("inflamed"), name="own", toughness_J_m2=200.0)
+    tough = msgspec.structs.replace(bed_named("inflamed"), name="own", toughness_J_per_m2=200.0)
     session = bed_session(phantom(), bed=tough, vertices=300)
     assert "follow_front" not in offered(session)
 

@@ -158,8 +158,8 @@ def test_arrows_are_as_the_forces_and_are_hidden_with_the_figures(
     way, force = tip - foot, session.tissue.dissection.frame @ reading.forces[0]
     np.testing.assert_allclose(way / np.linalg.norm(way), force / np.linalg.norm(force), atol=1e-5)
     # A fifth of the span at the break, in proportion to the stress below it.
-    share = max(reading.stress_ratio, 0.3)
-    assert np.linalg.norm(way) == pytest.approx(0.2 * drawn._set_stage().span * share, rel=1e-4)
+    fraction = max(reading.stress_ratio, 0.3)
+    assert np.linalg.norm(way) == pytest.approx(0.2 * drawn._set_stage().span * fraction, rel=1e-4)
     assert label.text == f"{np.linalg.norm(force):.2f} N"
     drawn.draw(reading, figures=False)
     assert not held.visible

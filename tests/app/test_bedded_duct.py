@@ -224,7 +224,7 @@ def test_the_skin_bears_the_stress_of_bending_up_and_across(session: Session) ->
 def test_a_divided_duct_is_lifted_off_its_bed_by_its_free_end(session: Session) -> None:
     """Its end follows the hook, turned up, for less than the same way takes between clamps."""
     duct = session.spatial
-    shares: list[float] = []
+    fractions: list[float] = []
     goal = FreeLength(9.0, 0.0, 44.7)
     for divided in (False, True):
         opening = Opening("normal", 1, (44.7, 50.8), divided=divided)
@@ -235,11 +235,11 @@ def test_a_divided_duct_is_lifted_off_its_bed_by_its_free_end(session: Session) 
         for tick in range(1, 61):
             duct.move_hand(0, start + tick / 10.0 * UP)
             duct.advance()
-        shares.append(duct.reading().peak_stress_ratio)
+        fractions.append(duct.reading().peak_stress_ratio)
         moved = duct.beam.places - duct.beam.rest_places
         assert np.abs(moved[0]).max() == 0.0
         assert moved[-1, 2] == pytest.approx(8.0 if divided else 0.0, abs=2.0 * divided)
-    assert shares[1] < 0.5 * shares[0]
+    assert fractions[1] < 0.5 * fractions[0]
     assert duct.freed_stretches()[-1][1] == pytest.approx(50.8)
 
 
@@ -258,16 +258,16 @@ def test_a_hook_tears_every_preset_s_duct_wherever_it_pulls(name: str, count: in
         start, ends = held.places[node].copy(), held.places[[0, -1]]
         direction /= np.sqrt(direction @ direction)
         sides = before = np.sqrt(((ends - start) ** 2).sum(axis=1))
-        share = seen = 0.0
+        fraction = seen = 0.0
         for tick in range(1, 4000):
             held.lead(node, start + direction * (tick * rest.span / 400.0))
             held.tick(1e-3)
-            share = held.worst_stress().total / specimen.threshold
+            fraction = held.worst_stress().total / specimen.threshold
             sides = np.sqrt(((ends - held.places[node]) ** 2).sum(axis=1))
-            if share >= 1.0:
+            if fraction >= 1.0:
                 break
             if np.all(sides >= before):  # a side that is squeezed may buckle
-                assert share >= seen - 2e-3
-                seen = max(seen, share)
-        assert share >= 1.0
+                assert fraction >= seen - 2e-3
+                seen = max(seen, fraction)
+        assert fraction >= 1.0
         assert sides.sum() < 2.0 * rest.span

@@ -13,7 +13,7 @@ import msgspec
 import psutil
 import pytest
 import viser
-from hostile import ATTACKS, kept_share
+from hostile import ATTACKS, kept_fraction
 from program import LONGEST, refused
 from test_guard import TOKEN, UPGRADE, Answer
 from viser._messages import CommandTriggerMessage, Message
@@ -348,13 +348,13 @@ def test_a_page_keeps_its_frames_whatever_another_does(served: str, attack: str)
     # A third of them, in the best of three: the attacker and other tests take processor time too.
     # Of what is not bounded a page has kept a thirtieth. `make soak` measures the share.
     with ThreadPoolExecutor(1) as pool:
-        share = 0.0
+        fraction = 0.0
         for seconds in (1.5, 6.0, 12.0):
             with suppress(RuntimeError):  # a machine so busy that no frame came in peace either
-                share = pool.submit(kept_share, served, attack, seconds).result()
-            if share >= 1.0 / 3.0:
+                fraction = pool.submit(kept_fraction, served, attack, seconds).result()
+            if fraction >= 1.0 / 3.0:
                 return
-    raise AssertionError(f"its share of frames during {attack}: {share:.2f}")
+    raise AssertionError(f"its share of frames during {attack}: {fraction:.2f}")
 
 
 def test_bounds_that_are_none_are_refused() -> None:

@@ -228,7 +228,7 @@ def test_a_pass_counts_within_the_benchmarks_and_with_95_percent_without_safety_
     assert "only 94 % of the time" in unmet(course, level, tried(incidents=(longer,)))
     # Overlapping incidents are not counted twice.
     twice = tried(incidents=(longer, longer), seconds=40.0)
-    assert math.isclose(twice.safe_share(level.safety), 1.0 - 1.1 / 40.0)
+    assert math.isclose(twice.safe_fraction(level.safety), 1.0 - 1.1 / 40.0)
     leant = incident("leaning", 2.0, 9.0)
     assert unmet(course, level, tried(incidents=(leant,))) == ""
     assert "incidents of errors: 2, at most 1 by" in unmet(
@@ -298,8 +298,8 @@ def test_the_sequential_test_decides_as_wald_has_it() -> None:
     assert sequential_test([False, False, True, False]) == "bad"
     # Its errors are at most about 5 % each.
     rng = np.random.default_rng(1)
-    for share, wrong in ((0.05, "bad"), (0.2, "good")):
-        decided = [sequential_test(rng.random(400) >= share) for _ in range(400)]
+    for fraction, wrong in ((0.05, "bad"), (0.2, "good")):
+        decided = [sequential_test(rng.random(400) >= fraction) for _ in range(400)]
         assert decided.count(wrong) <= 0.05 * 400 + 3 * math.sqrt(400 * 0.05 * 0.95)
 
 

@@ -154,7 +154,7 @@ def test_the_measures_are_those_of_the_readings() -> None:
     start = session.grab(0, 20.0)
     assert start is not None
     forces: list[np.ndarray] = []
-    shares: list[float] = []
+    fractions: list[float] = []
     parted: list[int] = []
     lean = math.radians(30.0)
     for tick in range(1, 61):
@@ -163,7 +163,7 @@ def test_the_measures_are_those_of_the_readings() -> None:
         session.advance()
         reading = session.reading()
         forces.append(np.array(reading.forces[0]))
-        shares.append(reading.stress_ratio)
+        fractions.append(reading.stress_ratio)
         parted.append(reading.broken)
     found, books = session.metrics(), session.reading().energy
     sizes = np.linalg.norm(forces, axis=1)
@@ -172,11 +172,13 @@ def test_the_measures_are_those_of_the_readings() -> None:
     angles = np.degrees(np.arccos(np.array(forces)[:, 2] / sizes))
     assert found["traction_angle_deg"] == pytest.approx((angles * sizes).sum() / sizes.sum())
     assert 20.0 < np.mean(angles) < 45.0
-    assert found["peak_stress_ratio"] == max(shares) == 1.0 - found["smallest_distance_to_break"]
-    assert found["time_above_half_s"] == pytest.approx(sum(share > 0.5 for share in shares) / 30.0)
+    assert found["peak_stress_ratio"] == max(fractions) == 1.0 - found["smallest_distance_to_break"]
+    assert found["time_above_half_s"] == pytest.approx(
+        sum(fraction > 0.5 for fraction in fractions) / 30.0
+    )
     left = [
         (1.0 - after) / (10.0 * (after - before))
-        for before, after in zip([0.0, 0.0, 0.0, *shares], shares, strict=False)
+        for before, after in zip([0.0, 0.0, 0.0, *fractions], fractions, strict=False)
         if after > before
     ]
     assert found["shortest_time_to_break_s"] == pytest.approx(min(left))
@@ -456,12 +458,12 @@ def test_a_run_of_before_laws_plays_by_the_linear_one() -> None:
 
 
 @pytest.mark.parametrize("preset", ["assumed-duct", "porcine-bile-duct", "human-ureter"])
-@pytest.mark.parametrize("share", [0.25, 0.5])
+@pytest.mark.parametrize("fraction", [0.25, 0.5])
 def test_a_duct_of_its_own_sections_is_torn_within_the_hand_s_reach(
-    preset: str, share: float
+    preset: str, fraction: float
 ) -> None:
     session = bed_session(phantom(), preset_named(preset), vertices=300)
-    start = session.grab(0, share * session.tissue.dissection.beam.span)
+    start = session.grab(0, fraction * session.tissue.dissection.beam.span)
     assert start is not None
     lift, seen = 0.0, 0.0
     while session.spatial.torn is None:

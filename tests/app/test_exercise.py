@@ -258,12 +258,12 @@ def test_continuous_feedback_is_always_there_and_a_summary_only_at_the_end() -> 
 
 
 def test_fading_feedback_is_seen_for_ever_less_of_the_time() -> None:
-    def share(start: int) -> float:
+    def fraction(start: int) -> float:
         ticks = range(start * 30, (start + 3) * 30)
         return sum(feedback_visible(Feedback.FADING, t / 30.0, over=False) for t in ticks) / 90
 
-    shares = [share(start) for start in range(0, 33, 3)]
-    assert shares == pytest.approx([1.0 - 0.1 * n for n in range(11)], abs=0.02)
+    fractions = [fraction(start) for start in range(0, 33, 3)]
+    assert fractions == pytest.approx([1.0 - 0.1 * n for n in range(11)], abs=0.02)
     assert feedback_visible(Feedback.FADING, 100.0, over=True)
 
 

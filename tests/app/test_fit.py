@@ -192,10 +192,10 @@ def test_a_bed_s_stiffness_and_toughness_are_found_again(tmp_path: Path) -> None
     noise = np.random.default_rng(6).normal(0.0, 0.01, 40)
     curve = Curve("made", history.hands[:, 0, 2], history.forces[:, 0, 2] + noise, {}, False)
     found = fit_bed([MeasuredPull(curve, base, 25.4)], bed_named("normal"))
-    stiffness = 2.0 * bed.toughness_J_m2 / (bed.yield_mm * bed.part_mm)
-    assert found.toughness.low < bed.toughness_J_m2 < found.toughness.high
+    stiffness = 2.0 * bed.toughness_J_per_m2 / (bed.yield_mm * bed.failure_mm)
+    assert found.toughness.low < bed.toughness_J_per_m2 < found.toughness.high
     assert found.stiffness.low < stiffness < found.stiffness.high
-    assert found.toughness.value == pytest.approx(bed.toughness_J_m2, rel=0.05)
+    assert found.toughness.value == pytest.approx(bed.toughness_J_per_m2, rel=0.05)
     assert found.noise == pytest.approx(0.01, rel=0.5)
 
 

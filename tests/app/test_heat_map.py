@@ -76,28 +76,28 @@ def test_page_shows_the_colour_of_the_stress(
             (surface,) = session.drawn.surfaces
             skin = surface.skin
 
-            def draw(shares: np.ndarray) -> None:
+            def draw(fractions: np.ndarray) -> None:
                 # Not in this thread: playwright's loop runs in it.
-                stress = [shares.astype(np.float32)]
+                stress = [fractions.astype(np.float32)]
                 monkeypatch.setattr(scene_of(view), "values", lambda colours: stress)
                 drawing = Thread(target=view._scene.draw, args=(session.reading(), "stress"))
                 drawing.start()
                 drawing.join()
 
-            for share in (0.1, 0.5, 0.85):
-                draw(np.full(len(skin.vertices), share))
-                wanted = color_table()[round(share * 255)].astype(int)
+            for fraction in (0.1, 0.5, 0.85):
+                draw(np.full(len(skin.vertices), fraction))
+                wanted = color_table()[round(fraction * 255)].astype(int)
                 _wait_for_color(tab, wanted)
-            shares = np.random.default_rng(5).uniform(-0.5, 1.5, len(skin.vertices))
-            share = np.clip(skin.grid(shares), 0.0, 1.0)
+            fractions = np.random.default_rng(5).uniform(-0.5, 1.5, len(skin.vertices))
+            fraction = np.clip(skin.grid(fractions), 0.0, 1.0)
             node = "/organ/skin" if look == "full" else "/organ/skin_stress"
             viewer = session.tissue.dissection.frame @ TOWARDS_VIEWER
-            draw(shares)
+            draw(fractions)
 
             def lit() -> None:
                 light, normals = _drawn_light(tab, node, viewer)
                 inner = slice(STUB_RINGS, STUB_RINGS + skin.rings)
-                place = 255.0 * share
+                place = 255.0 * fraction
                 table = [np.interp(place, np.arange(256), light_table()[:, i]) for i in range(3)]
                 turn = np.clip((1.0 - np.clip(normals[inner], 0.0, None)) / 0.75, 0.0, 1.0)
                 expected = np.stack(table, axis=-1) * (1.0 - (1.0 - DARKEST) * turn**2)[..., None]

@@ -177,10 +177,10 @@ def test_keys_pull_pause_colour_and_reset(browser: Browser, trainer: Trainer) ->
         held = session.reading()
         assert held.force == 3.0
         assert held.phase is Phase.INTACT
-        shares = [each.copy() for each in scene_of(view).values("stress")]
-        wanted = session.stress(np.empty_like(shares[0])) / session.tissue.threshold
-        np.testing.assert_array_equal(shares[0], wanted)
-        assert shares[0].max() == pytest.approx(1.0 - held.check.distance_to_break, abs=0.05)
+        fractions = [each.copy() for each in scene_of(view).values("stress")]
+        wanted = session.stress(np.empty_like(fractions[0])) / session.tissue.threshold
+        np.testing.assert_array_equal(fractions[0], wanted)
+        assert fractions[0].max() == pytest.approx(1.0 - held.check.distance_to_break, abs=0.05)
         settle(tab, trainer, view.client)
         assert session.reading() == held
 

@@ -35,12 +35,12 @@ span_mm = 60.0
 elements = 40
 axial_stiffness_N = 8.0
 shear_stiffness_N = 50.0
-bending_stiffness_Nmm2 = 1.5
-torsion_stiffness_Nmm2 = 1.5
+bending_stiffness_N_mm2 = 1.5
+torsion_stiffness_N_mm2 = 1.5
 
 [bed]
 strands = 60
-stiffness_N_mm2 = 0.3
+stiffness_N_per_mm2 = 0.3
 toughness_N = 0.12
 
 [[hand]]

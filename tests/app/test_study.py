@@ -152,9 +152,9 @@ def test_a_linear_case_has_its_variance_and_bands(tmp_path: Path) -> None:
     event = break_of(Cubic().pull(duct, 0.5 * duct.span), 1e-5)
     assert event is not None
     cell = told["cells"][0]
-    for share, away in ((0.05, -1.644854), (0.25, -0.674490), (0.5, 0.0), (0.95, 1.644854)):
+    for fraction, away in ((0.05, -1.644854), (0.25, -0.674490), (0.5, 0.0), (0.95, 1.644854)):
         known = event.force * (1.0 + 0.1 * away)
-        at = cell["break_force_N"]["torn_at"][f"{share:g}"]
+        at = cell["break_force_N"]["torn_at"][f"{fraction:g}"]
         assert at["load"] == pytest.approx(known, rel=1e-3)
         assert at["band_95"][0] < known < at["band_95"][1]
     index = cell["indices"]["break_force_N"]
@@ -183,16 +183,16 @@ def test_the_band_of_a_probability_holds_it_as_often_as_it_says() -> None:
 
 
 @pytest.mark.parametrize("count", [64, 128, 256])
-@pytest.mark.parametrize("share", [0.01, 0.05, 0.5, 0.95, 0.99])
-def test_bands_of_rare_breaks_hold_them_or_are_open(count: int, share: float) -> None:
+@pytest.mark.parametrize("fraction", [0.01, 0.05, 0.5, 0.95, 0.99])
+def test_bands_of_rare_breaks_hold_them_or_are_open(count: int, fraction: float) -> None:
     generator = np.random.default_rng(7)
     held = np.zeros(400, dtype=bool)
     for k in range(400):
-        _, low, high = TearCurve(generator.random(count)).load_at(share)
-        held[k] = not low > share and not high < share  # nan, an open end, bounds nothing
+        _, low, high = TearCurve(generator.random(count)).load_at(fraction)
+        held[k] = not low > fraction and not high < fraction  # nan, an open end, bounds nothing
         # As many ducts are needed as let fewer than 1 in 40 lie all on one side.
-        assert math.isnan(low) == (1.0 - (1.0 - share) ** count < 0.975)
-        assert math.isnan(high) == (1.0 - share**count < 0.975)
+        assert math.isnan(low) == (1.0 - (1.0 - fraction) ** count < 0.975)
+        assert math.isnan(high) == (1.0 - fraction**count < 0.975)
     assert held.mean() >= 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / 400)
 
 
@@ -347,7 +347,7 @@ def test_an_organ_is_set_up_once_for_all_that_are_alike(
     (tmp_path / "plan.toml").write_text(
         f'samples = 6\n[duct]\norgan = "{BILE_DUCT}"\n'
         '[inputs.modulus_MPa]\ndistribution = "uniform"\nlow = 0.2\nhigh = 0.4\n'
-        "[inputs.grasp_share]\ngrid = [0.4, 0.7]\n"
+        "[inputs.grasp_fraction]\ngrid = [0.4, 0.7]\n"
     )
     grasps: list[float] = []
     pull = Exact.pull

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from simulated import phantom, pull, pull_session, settle, tear
 
 from app.simulation import Phase, Session, Stresses, SurfaceStress, preset_named
-from app.simulation.drawn_duct import fibre_shares
+from app.simulation.drawn_duct import fibre_fractions
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from organ_geometry.mesh.skin import organ_skin
 from organ_geometry.organ import Organ
@@ -57,23 +57,23 @@ def test_a_straight_round_bar_has_the_closed_form_s_stresses_with_their_signs() 
     beam, skin = session.tissue.dissection.beam, session.drawn.surfaces[0].skin
     found, z = stress(session), heights(session)
     places = skin.stations - session.tissue.dissection.clamps[0]
-    shares = fibre_shares(phantom(), skin, session.tissue.dissection.frame[:, 2])
+    fractions = fibre_fractions(phantom(), skin, session.tissue.dissection.frame[:, 2])
     inside = (places >= -0.5) & (places <= beam.span + 0.5)
     solved = (
         session.planar.theory.pull(beam, 25.4).to_force(1.0).sample(np.clip(places, 0.0, beam.span))
     )
     whole = (
         solved.normal_force / beam.area
-        - solved.moment * shares * beam.fibre_distance / beam.second_moment
+        - solved.moment * fractions * beam.fibre_distance / beam.second_moment
     )
     near = np.isclose(found, whole, rtol=2e-3, atol=2e-3 * whole.max())
     assert near[inside].all()
     assert np.all(found[~inside] == 0.0)
-    top, bottom = shares > 0.9, shares < -0.9
+    top, bottom = fractions > 0.9, fractions < -0.9
     middle, end = np.abs(places - 25.4) < 1.5, inside & (places < 1.5)
     assert found[top & middle].min() > found[bottom & middle].max()
     assert found[top & end].max() < 0.0 < found[bottom & end].min()
-    assert np.corrcoef(shares, z)[0, 1] > 0.99
+    assert np.corrcoef(fractions, z)[0, 1] > 0.99
     # Halfway between clamp and grasp nothing bends: all of the section has the normal stress.
     turn = np.abs(places - 12.7) < 0.3
     assert found[turn] == pytest.approx(
@@ -84,10 +84,10 @@ def test_a_straight_round_bar_has_the_closed_form_s_stresses_with_their_signs() 
 def test_shares_of_an_organ_s_fibres_reach_the_outline_on_both_sides_of_a_round_one() -> None:
     organ = phantom()
     skin = organ_skin(organ, edge_length=0.5)
-    shares = fibre_shares(organ, skin, np.array([0.0, 0.0, 1.0]))
-    assert shares.max() == pytest.approx(1.0, abs=0.01)
-    assert shares.min() == pytest.approx(-1.0, abs=0.05)
-    assert fibre_shares(organ, skin, np.array([0.0, 0.0, -1.0])) == pytest.approx(-shares)
+    fractions = fibre_fractions(organ, skin, np.array([0.0, 0.0, 1.0]))
+    assert fractions.max() == pytest.approx(1.0, abs=0.01)
+    assert fractions.min() == pytest.approx(-1.0, abs=0.05)
+    assert fibre_fractions(organ, skin, np.array([0.0, 0.0, -1.0])) == pytest.approx(-fractions)
 
 
 def test_stress_turns_with_the_organ() -> None:
@@ -155,8 +155,8 @@ def test_parts_of_the_stress_add_up_and_say_how_far_the_break_is() -> None:
     assert stresses.distance_to_break == pytest.approx(1.0 - stresses.total / 0.2, abs=1e-6)
     held = stresses.normal > 0.0
     assert stresses.normal[held] == pytest.approx(float(solved.normal_stress[0]))
-    shares = fibre_shares(dissection.organ, skin, dissection.frame[:, 2])
-    assert np.abs(stresses.bending[np.abs(shares) < 1e-9]).max(initial=0.0) < 1e-9
+    fractions = fibre_fractions(dissection.organ, skin, dissection.frame[:, 2])
+    assert np.abs(stresses.bending[np.abs(fractions) < 1e-9]).max(initial=0.0) < 1e-9
     resting = Stresses.none(5)
     assert not resting.total.any()
     assert (resting.distance_to_break == 1.0).all()

@@ -165,8 +165,8 @@ def test_a_path_that_tears_ends_in_two_pieces_on_their_strands() -> None:
     assert 1 < history.steps < export.steps
     steps = int(motion.whole.sum()) - 1
     assert steps == history.steps, "the last key of the whole duct is the one in which it tears"
-    shares = [1.0 - each.check.distance_to_break for each in motion.readings[: steps + 1]]
-    assert max(shares[:-1]) <= 1.0 < shares[-1]
+    fractions = [1.0 - each.check.distance_to_break for each in motion.readings[: steps + 1]]
+    assert max(fractions[:-1]) <= 1.0 < fractions[-1]
     assert motion.readings[-1].force == 0.0
     last, before = strands(len(motion.times) - 1, export), strands(steps, export)
     assert 0 < last.parted.sum() < 150

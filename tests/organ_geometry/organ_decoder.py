@@ -229,9 +229,9 @@ def signals(packed: Bits, wall: str, keys: list[int], step: float) -> NDArray[np
             i = max(k for k in levels if k < m)
             j = min(k for k in levels if k > m)
             levels[m] = 1 + max(levels[i], levels[j])
-            share = (keys[m] - keys[i]) / (keys[j] - keys[i])
+            fraction = (keys[m] - keys[i]) / (keys[j] - keys[i])
             for n in range(16):
-                line = values[i, n] + share * (values[j, n] - values[i, n])
+                line = values[i, n] + fraction * (values[j, n] - values[i, n])
                 values[m, n] = line + difference(n, levels[m])
     return values * steps
 

@@ -196,11 +196,11 @@ def test_other_than_grey_series_are_refused(write_series: WriteSeries) -> None:
     refused(folder, "holds 2 DICOM files and 1 other images")
 
 
-@pytest.mark.parametrize("share", [0.0, 0.2, 0.9])
-def test_a_file_cut_short_is_named(write_series: WriteSeries, share: float) -> None:
+@pytest.mark.parametrize("fraction", [0.0, 0.2, 0.9])
+def test_a_file_cut_short_is_named(write_series: WriteSeries, fraction: float) -> None:
     folder = write_series([0.0, 1.0, 2.0], dtype=np.uint16, shape=(64, 64))
     cut = folder / "image1.dcm"
-    cut.write_bytes(cut.read_bytes()[: int(share * cut.stat().st_size)])
+    cut.write_bytes(cut.read_bytes()[: int(fraction * cut.stat().st_size)])
     refused(folder, r"image1.dcm (cannot be read|does not say where it stands|is not one grey)")
 
 

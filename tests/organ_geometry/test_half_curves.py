@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from tubes import of_row
 
 from organ_geometry.curves.half_curves import (
-    RANGE_SHARE,
+    RANGE_FRACTION,
     ROW_SIZE,
     HalfCurves,
     NotSingleValued,
@@ -21,7 +21,7 @@ from organ_geometry.curves.outline_distance import polygon_distances
 ROUNDING = 1e-10
 # A circle's distance to two free polynomials of degree six, weighted along the normal: 0.30 % of
 # the radius is published for this fit; forced ends would give above 1.3 %.
-CIRCLE_RMS_SHARE = 0.0035
+CIRCLE_RMS_FRACTION = 0.0035
 
 
 def circle(radius: float, count: int = 720) -> NDArray[np.float64]:
@@ -57,14 +57,14 @@ def test_a_curve_of_degree_six_is_given_back(turned: bool, start: int) -> None:
         chebyshev.chebval(own, curves.bottom), chebyshev.chebval(u, BOTTOM), atol=ROUNDING
     )
     assert curves.middle == pytest.approx(3.0)
-    assert curves.half_width == pytest.approx(2.0 * RANGE_SHARE)
+    assert curves.half_width == pytest.approx(2.0 * RANGE_FRACTION)
     np.testing.assert_array_equal(boundary, before)
 
 
 def test_a_circle_is_fitted_to_the_floor_of_degree_six() -> None:
     curves = fit_half_curves(circle(3.0))
     distances = curves.distances(circle(3.0))
-    assert np.sqrt(np.mean(distances**2)) < CIRCLE_RMS_SHARE * 3.0
+    assert np.sqrt(np.mean(distances**2)) < CIRCLE_RMS_FRACTION * 3.0
     # Up and down are the same, so are left and right.
     np.testing.assert_allclose(curves.top, -curves.bottom, atol=ROUNDING)
     np.testing.assert_allclose(curves.top[1::2], 0.0, atol=ROUNDING)
@@ -97,7 +97,7 @@ def test_the_outline_runs_like_atan2() -> None:
     curves = fit_half_curves(circle(2.0) + np.array([0.5, -0.3]))
     angles = np.radians([0.0, 90.0, 180.0, 270.0])
     x, y = curves.outline(angles).T
-    np.testing.assert_allclose(x, [0.5 + 2 * RANGE_SHARE, 0.5, 0.5 - 2 * RANGE_SHARE, 0.5])
+    np.testing.assert_allclose(x, [0.5 + 2 * RANGE_FRACTION, 0.5, 0.5 - 2 * RANGE_FRACTION, 0.5])
     # y runs down the image: a quarter turn from x is the bottom.
     assert y[1] == pytest.approx(1.7, abs=2 * 0.01)
     assert y[3] == pytest.approx(-2.3, abs=2 * 0.01)
@@ -137,7 +137,9 @@ def test_a_closed_outline_holds_both_ends_and_turns_one_way() -> None:
     row = fit_half_curves(circle(1.0)).as_row()
     outline = closed_outlines(row[np.newaxis], 64)[0]
     assert outline.shape == (64, 2)
-    np.testing.assert_allclose(outline[[0, 31, 32, 63], 0], RANGE_SHARE * np.array([1, -1, -1, 1]))
+    np.testing.assert_allclose(
+        outline[[0, 31, 32, 63], 0], RANGE_FRACTION * np.array([1, -1, -1, 1])
+    )
     after = np.roll(outline, -1, axis=0)
     cross = outline[:, 0] * after[:, 1] - outline[:, 1] * after[:, 0]
     assert (cross > 0.0).all()

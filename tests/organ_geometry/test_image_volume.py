@@ -295,14 +295,14 @@ def test_four_dimensions_with_one_volume_are_read(write_volume: Callable[..., Pa
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("share", [0.0, 0.05, 0.5, 0.99])
+@pytest.mark.parametrize("fraction", [0.0, 0.05, 0.5, 0.99])
 def test_a_file_cut_short_is_named(
-    write_volume: Callable[..., Path], suffix: str, share: float
+    write_volume: Callable[..., Path], suffix: str, fraction: float
 ) -> None:
     path = write_volume(noise(np.int16, (20, 20, 20)), suffix)
     beside = {".nhdr": "volume.raw.gz", ".mhd": "volume.zraw"}.get(suffix)
     cut = path if beside is None else path.with_name(beside)
-    cut.write_bytes(cut.read_bytes()[: int(share * cut.stat().st_size)])
+    cut.write_bytes(cut.read_bytes()[: int(fraction * cut.stat().st_size)])
     refused(path, r"volume\S* (is cut short|is damaged or cut short|cannot be read)")
 
 

@@ -286,7 +286,7 @@ def test_an_oblique_volume_s_tubes_stand_where_its_axes_say(tmp_path: Path) -> N
         assert one.station == pytest.approx(other.station, abs=0.1)
     for name in NAMES.values():
         line, turned = straight.tube(name).axis, found.tube(name).axis
-        shares = np.linspace(0.0, 1.0, 20)
-        for share in shares:
-            place = turn @ line.place(share * line.length)
+        fractions = np.linspace(0.0, 1.0, 20)
+        for fraction in fractions:
+            place = turn @ line.place(fraction * line.length)
             assert turned.nearest(place)[1] < 0.1

@@ -20,9 +20,9 @@ def test_few_pixels_have_the_exact_quantiles(side: int) -> None:
     mask[0, 0] = 1
     inside = levels[mask > 0]
     assert median_where(levels, mask) == (pytest.approx(np.median(inside)), len(inside))
-    for share in (0.0, 0.1, 0.75, 1.0):
-        expected = np.quantile(inside, 1.0 - share)
-        assert level_exceeded(levels, mask, share) == pytest.approx(expected, abs=1e-6)
+    for fraction in (0.0, 0.1, 0.75, 1.0):
+        expected = np.quantile(inside, 1.0 - fraction)
+        assert level_exceeded(levels, mask, fraction) == pytest.approx(expected, abs=1e-6)
     others = RNG.normal(size=levels.shape).astype(np.float32)
     assert median_change(levels, others) == pytest.approx(np.median(np.abs(levels - others)))
 

@@ -15,9 +15,9 @@ Tube = Callable[..., Organ]
 
 # A circle of two polynomials of degree six is off by 1.1 % of its radius at the upright ends and by
 # 0.3 % RMS; most of that averages out in the area and, less, in the second moment.
-RADIUS_SHARE = 0.012
-AREA_SHARE = 0.003
-SECOND_MOMENT_SHARE = 0.006
+RADIUS_FRACTION = 0.012
+AREA_FRACTION = 0.003
+SECOND_MOMENT_FRACTION = 0.006
 ROUNDING = 1e-12
 
 STATIONS = np.linspace(0.0, 10.0, 7)
@@ -28,11 +28,11 @@ def test_a_cylinder_has_its_area_and_second_moment(make_tube: Tube) -> None:
     for direction in (None, [0.0, 0.0, 1.0], [0.0, 2.0, 0.0], [1.0, -1.0, 1.0]):
         pull = None if direction is None else np.array(direction)
         found = organ.section_properties(STATIONS, pull)
-        np.testing.assert_allclose(found.area, np.pi * 3.0**2, rtol=AREA_SHARE)
+        np.testing.assert_allclose(found.area, np.pi * 3.0**2, rtol=AREA_FRACTION)
         np.testing.assert_allclose(
-            found.second_moment, np.pi * 6.0**4 / 64.0, rtol=SECOND_MOMENT_SHARE
+            found.second_moment, np.pi * 6.0**4 / 64.0, rtol=SECOND_MOMENT_FRACTION
         )
-        np.testing.assert_allclose(found.fibre_distance, 3.0, rtol=RADIUS_SHARE)
+        np.testing.assert_allclose(found.fibre_distance, 3.0, rtol=RADIUS_FRACTION)
 
 
 def test_a_hollow_cylinder_is_its_wall(make_tube: Tube) -> None:
@@ -40,11 +40,11 @@ def test_a_hollow_cylinder_is_its_wall(make_tube: Tube) -> None:
     found = organ.section_properties(STATIONS)
     assert organ.hollow
     # The wall is a difference, so errors of both boundaries fall on a smaller number.
-    np.testing.assert_allclose(found.area, np.pi * (9.0 - 4.0), rtol=2 * AREA_SHARE)
+    np.testing.assert_allclose(found.area, np.pi * (9.0 - 4.0), rtol=2 * AREA_FRACTION)
     np.testing.assert_allclose(
-        found.second_moment, np.pi * (6.0**4 - 4.0**4) / 64.0, rtol=2 * SECOND_MOMENT_SHARE
+        found.second_moment, np.pi * (6.0**4 - 4.0**4) / 64.0, rtol=2 * SECOND_MOMENT_FRACTION
     )
-    np.testing.assert_allclose(found.fibre_distance, 3.0, rtol=RADIUS_SHARE)
+    np.testing.assert_allclose(found.fibre_distance, 3.0, rtol=RADIUS_FRACTION)
 
 
 def test_an_ellipse_bends_about_the_axis_across_the_direction(make_tube: Tube) -> None:
@@ -57,11 +57,11 @@ def test_an_ellipse_bends_about_the_axis_across_the_direction(make_tube: Tube) -
     organ = dataclasses.replace(round_organ, outer=rows)
     up = organ.section_properties(STATIONS)
     flat, tall = np.pi * 2.0 * 1.0**3 / 4.0, np.pi * 2.0**3 * 1.0 / 4.0
-    np.testing.assert_allclose(up.second_moment, flat, rtol=SECOND_MOMENT_SHARE)
-    np.testing.assert_allclose(up.fibre_distance, 1.0, rtol=RADIUS_SHARE)
+    np.testing.assert_allclose(up.second_moment, flat, rtol=SECOND_MOMENT_FRACTION)
+    np.testing.assert_allclose(up.fibre_distance, 1.0, rtol=RADIUS_FRACTION)
     aside = organ.section_properties(STATIONS, np.array([0.0, 1.0, 0.0]))
-    np.testing.assert_allclose(aside.second_moment, tall, rtol=SECOND_MOMENT_SHARE)
-    np.testing.assert_allclose(aside.fibre_distance, 2.0, rtol=RADIUS_SHARE)
+    np.testing.assert_allclose(aside.second_moment, tall, rtol=SECOND_MOMENT_FRACTION)
+    np.testing.assert_allclose(aside.fibre_distance, 2.0, rtol=RADIUS_FRACTION)
     # Second moments about perpendicular axes add up to the same for any pair of directions.
     one = organ.section_properties(STATIONS, np.array([0.0, 0.6, 0.8])).second_moment
     other = organ.section_properties(STATIONS, np.array([0.0, -0.8, 0.6])).second_moment
@@ -74,10 +74,10 @@ def test_the_surface_of_a_cylinder(make_tube: Tube) -> None:
     stations = np.linspace(0.0, 10.0, 40)
     points = organ.surface(stations, angles)
     np.testing.assert_allclose(points[:, 0], stations, atol=ROUNDING)
-    np.testing.assert_allclose(np.hypot(points[:, 1], points[:, 2]), 3.0, rtol=RADIUS_SHARE)
+    np.testing.assert_allclose(np.hypot(points[:, 1], points[:, 2]), 3.0, rtol=RADIUS_FRACTION)
     # A quarter turn from x_dir (+y) is down the image (-z).
     poles = organ.surface(np.full(2, 5.0), np.radians([90.0, 270.0]))
-    np.testing.assert_allclose(poles, [[5, 0, -3], [5, 0, 3]], atol=3.0 * RADIUS_SHARE)
+    np.testing.assert_allclose(poles, [[5, 0, -3], [5, 0, 3]], atol=3.0 * RADIUS_FRACTION)
     right, left = organ.surface(np.full(2, 5.0), np.radians([10.0, 170.0]))
     assert right[1] > 2.9
     assert left[1] < -2.9
@@ -150,12 +150,12 @@ def test_handedness(make_tube: Tube) -> None:
 def test_mean_radius_and_key_points(make_tube: Tube) -> None:
     organ = make_tube([1.0, 3.0])
     # The area of a cone of mean radius 2 lies between key sections in the coefficients' mean.
-    assert make_tube([2.0, 2.0]).mean_radius == pytest.approx(2.0, rel=AREA_SHARE)
-    assert organ.mean_radius == pytest.approx(2.0, rel=AREA_SHARE)
+    assert make_tube([2.0, 2.0]).mean_radius == pytest.approx(2.0, rel=AREA_FRACTION)
+    assert organ.mean_radius == pytest.approx(2.0, rel=AREA_FRACTION)
     points = organ.key_points(16)
     assert points.shape == (32, 3)
     assert set(points[:, 0]) == {0.0, 10.0}
-    np.testing.assert_allclose(np.hypot(points[16:, 1], points[16:, 2]), 3.0, rtol=RADIUS_SHARE)
+    np.testing.assert_allclose(np.hypot(points[16:, 1], points[16:, 2]), 3.0, rtol=RADIUS_FRACTION)
 
 
 def test_mean_radius_is_found_once_when_it_is_asked_for(

@@ -289,9 +289,9 @@ def test_a_bad_fit_is_warned_of(cover: Cover, write_stack: WriteStack) -> None:
     assert raised.startswith("the tolerance was raised from 0.0")
     assert "not single-valued" in raised
     largest = max(section.max_mm for section in built.sections)
-    share = largest / built.organ.mean_radius
+    fraction = largest / built.organ.mean_radius
     assert far.startswith(
-        f"the organ is up to {largest:.3g} mm from its edge, {share:.2g} times its mean radius, "
+        f"the organ is up to {largest:.3g} mm from its edge, {fraction:.2g} times its mean radius, "
         f"in 0-2: "
     )
     assert built.doubts == (far,)

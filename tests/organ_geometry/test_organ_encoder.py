@@ -61,18 +61,19 @@ def test_a_bent_tube_is_bent_by_its_axis_alone() -> None:
     np.testing.assert_allclose(radii, 40.0, atol=0.06 * RADIUS)
 
 
-@pytest.mark.parametrize("share", [0.01, 0.02, 0.05])
+@pytest.mark.parametrize("fraction", [0.01, 0.02, 0.05])
 @pytest.mark.parametrize("lumen", [None, 0.6])
-def test_the_promise_holds_on_tubes(share: float, lumen: float | None) -> None:
+def test_the_promise_holds_on_tubes(fraction: float, lumen: float | None) -> None:
     for contours in (cylinder(lumen=lumen, noise=0.004 * RADIUS), bent_tube(lumen=lumen)):
-        encoded = encoded_organ(contours, share * RADIUS, hollow=lumen is not None)
-        assert largest_rms(encoded, contours) <= encoded.organ.tolerance_mm <= share * RADIUS
+        encoded = encoded_organ(contours, fraction * RADIUS, hollow=lumen is not None)
+        assert largest_rms(encoded, contours) <= encoded.organ.tolerance_mm <= fraction * RADIUS
 
 
 def test_a_finer_tolerance_takes_more_bytes() -> None:
     contours = bent_tube()
     sizes = [
-        len(encoded_organ(contours, share * RADIUS).organ.encoded) for share in (0.08, 0.02, 0.008)
+        len(encoded_organ(contours, fraction * RADIUS).organ.encoded)
+        for fraction in (0.08, 0.02, 0.008)
     ]
     assert sizes[0] < sizes[1] < sizes[2]
 

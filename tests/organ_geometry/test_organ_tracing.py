@@ -100,16 +100,16 @@ def test_drawn_sections_are_traced_to_a_twentieth_of_a_pixel(
 @settings(deadline=None, max_examples=25)
 @given(
     radius=st.floats(16.0, 34.0),
-    share=st.floats(0.0, 0.1),
+    fraction=st.floats(0.0, 0.1),
     count=st.integers(2, 4),
     dark=st.booleans(),
 )
 def test_lobes_are_found_to_a_twentieth_of_a_pixel(
-    radius: float, share: float, count: int, dark: bool
+    radius: float, fraction: float, count: int, dark: bool
 ) -> None:
-    edges = traced_edges(drawn(lobed_cover(radius, share * radius, count), dark=dark))
+    edges = traced_edges(drawn(lobed_cover(radius, fraction * radius, count), dark=dark))
     angles = np.linspace(0.0, 2.0 * np.pi, 1440, endpoint=False)
-    truth = lobes(angles, radius, share * radius, count)
+    truth = lobes(angles, radius, fraction * radius, count)
     assert rms(polygon_distances(edges.outer, truth)) < EDGE_PX
     assert rms(polygon_distances(truth, edges.outer)) < EDGE_PX
 

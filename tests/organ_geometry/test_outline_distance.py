@@ -42,18 +42,18 @@ def test_distances_to_an_outline_are_those_to_its_polygon(seed: int, spread: flo
 @given(
     seed=st.integers(0, 2**32 - 1),
     spread=st.sampled_from([0.0, 0.1, 0.5]),
-    share=st.sampled_from([0.0, 0.25, 0.5]),
+    fraction=st.sampled_from([0.0, 0.25, 0.5]),
 )
 def test_distances_between_two_outlines_are_those_to_the_one_between(
-    seed: int, spread: float, share: float
+    seed: int, spread: float, fraction: float
 ) -> None:
     rows, points = rows_and_points(seed, spread)
     count = len(points)
     located = LocatedPoints(
-        np.zeros(count, dtype=np.intp), np.full(count, share), points, np.zeros(count)
+        np.zeros(count, dtype=np.intp), np.full(count, fraction), points, np.zeros(count)
     )
     corners = closed_outlines(rows, 96)
-    between = corners[0] * (1.0 - share) + corners[1] * share
+    between = corners[0] * (1.0 - fraction) + corners[1] * fraction
     np.testing.assert_array_equal(located.distances(rows), polygon_distances(points, between))
 
 

@@ -47,9 +47,9 @@ def test_every_slice_keeps_to_every_tolerance(name: str) -> None:
     contours, radius, left_handed = contours_of(name)
 
     @settings(max_examples=2, deadline=None, derandomize=True)
-    @given(share=st.floats(0.015, 0.2))
-    def keeps(share: float) -> None:
-        tolerance = share * radius
+    @given(fraction=st.floats(0.015, 0.2))
+    def keeps(fraction: float) -> None:
+        tolerance = fraction * radius
         try:
             encoded = encoded_organ(contours, tolerance, left_handed=left_handed)
         except ToleranceTooSmall as refused:

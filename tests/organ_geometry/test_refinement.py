@@ -29,10 +29,10 @@ from organ_geometry.organ_file.organ_code import signal_steps
 
 
 def candidates_of(
-    contours: list[SectionContour], share: float, effort: EncoderSettings = QUICK
+    contours: list[SectionContour], fraction: float, effort: EncoderSettings = QUICK
 ) -> CandidateEncoder:
     return CandidateEncoder(
-        contours, share * RADIUS, None, effort, hollow=False, left_handed=False, units="mm"
+        contours, fraction * RADIUS, None, effort, hollow=False, left_handed=False, units="mm"
     )
 
 
@@ -165,18 +165,18 @@ def test_a_descent_ends_where_no_integer_alone_is_better(seed: int, wall: float)
 
 def test_all_sections_together_fill_what_they_may_be_off() -> None:
     contours = kinked(0.4)
-    for share in (0.01, 0.02):
+    for fraction in (0.01, 0.02):
         candidates = CandidateEncoder(
             contours,
             0.06 * RADIUS,
-            share * RADIUS,
+            fraction * RADIUS,
             FULL,
             hollow=False,
             left_handed=False,
             units="mm",
         )
         found = Search(candidates).fewest_bytes()
-        assert found.overall <= share * RADIUS
+        assert found.overall <= fraction * RADIUS
         assert found.worst <= 1.0
 
 

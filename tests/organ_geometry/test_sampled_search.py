@@ -118,11 +118,11 @@ def test_numbers_of_some_sections_are_measured_by_all_as_a_reader_finds_them() -
     assert len(one.sampling.outlines.outer) > LONG
 
 
-@pytest.mark.parametrize("share", [0.0005, pytest.param(0.001, marks=pytest.mark.long)])
-def test_a_tolerance_out_of_reach_names_the_smallest_of_a_long_stack_too(share: float) -> None:
+@pytest.mark.parametrize("fraction", [0.0005, pytest.param(0.001, marks=pytest.mark.long)])
+def test_a_tolerance_out_of_reach_names_the_smallest_of_a_long_stack_too(fraction: float) -> None:
     contours = cylinder(sections=QUICK.many_sections)
     with pytest.raises(ToleranceTooSmall, match="cannot be kept by two degree-6 curves") as raised:
-        encoded_organ(contours, share * RADIUS)
+        encoded_organ(contours, fraction * RADIUS)
     smallest = raised.value.smallest_mm
     assert 0.003 * RADIUS < smallest < 0.005 * RADIUS
     encoded = encoded_organ(contours, 1.02 * smallest)
@@ -144,7 +144,7 @@ def test_points_of_some_slices_are_those_that_they_have_among_all() -> None:
     for place, number in enumerate(chosen):
         here, there = some.slices == place, points.slices == number
         for one, other in ((some, points), (some.points, points.points)):
-            for field in ("weights", "lumen", "at", "place", "piece", "share"):
+            for field in ("weights", "lumen", "at", "place", "piece", "fraction"):
                 if hasattr(one, field):
                     np.testing.assert_array_equal(
                         getattr(one, field)[here], getattr(other, field)[there]

@@ -301,10 +301,10 @@ def plain(kernel: Callable[..., object]) -> Callable[..., object]:
 
 @pytest.mark.parametrize("name", ["euler", "leapfrog", "runge_kutta", "settle"])
 def test_compiled_and_plain_kernels_agree(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    rest, shares = np.full(4, 0.5), np.array([0.25, 0.5, 0.5, 0.5, 0.25])
-    inverse_mass = np.repeat(1.0 / shares, 2).reshape(-1, 2)
+    rest, fractions = np.full(4, 0.5), np.array([0.25, 0.5, 0.5, 0.5, 0.25])
+    inverse_mass = np.repeat(1.0 / fractions, 2).reshape(-1, 2)
     inverse_mass[[0, -1]] = 0.0
-    springs = (rest, 2.0 / rest, 0.1 / shares, inverse_mass)
+    springs = (rest, 2.0 / rest, 0.1 / fractions, inverse_mass)
     more = (2, 0.3, 0.05, 1e-9, 5000) if name == "settle" else (0.5, 2, 0.3, 0.05, 20)
     kernel = getattr(spring_chain, name)
     states = [(np.zeros((5, 2)), np.zeros((5, 2))) for _ in range(2)]

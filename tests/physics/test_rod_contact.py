@@ -138,8 +138,8 @@ def test_no_rod_passes_the_duct_at_any_speed(
     node = live.take(0.7 * span) if hooked else None
     place = None if node is None else live.places[node].copy()
     gross = 0.0
-    for share, height in goes:
-        before, after = np.array([x, FAR, z]), np.array([share * span, FAR, height])
+    for fraction, height in goes:
+        before, after = np.array([x, FAR, z]), np.array([fraction * span, FAR, height])
         for now in range(1, ticks + 1):
             live.lead_rod(0, before + now / ticks * (after - before))
             if node is not None and place is not None:
@@ -164,10 +164,10 @@ def test_no_rod_passes_the_duct_at_any_speed(
     st.floats(-20.0, -8.0),
 )
 def test_no_rod_is_pushed_through_a_duct_in_equilibrium(
-    duct: Beam, radius: float, share: float, height: float
+    duct: Beam, radius: float, fraction: float, height: float
 ) -> None:
     live = BeamOnBed(SpaceBeam.of(duct, elements=40), rods=1)
-    x = share * duct.span
+    x = fraction * duct.span
     live.set_rod(0, (x, FAR, 8.0), ACROSS, radius)
     forces = []
     for z in np.linspace(8.0, height, 8).tolist():

@@ -232,7 +232,7 @@ def space_break(
 @pytest.mark.parametrize("beam", [DUCT, TUBE])
 @pytest.mark.parametrize("place", [0.5, 0.3])
 @pytest.mark.parametrize(
-    ("law", "share"),
+    ("law", "fraction"),
     [
         (NeoHooke(), 0.3),
         (NeoHooke(), 0.68),
@@ -242,9 +242,9 @@ def space_break(
     ],
 )
 def test_a_wall_breaks_in_space_as_in_the_plane_and_in_the_library(
-    beam: Beam, place: float, law: Law, share: float
+    beam: Beam, place: float, law: Law, fraction: float
 ) -> None:
-    threshold, grasp = share * beam.modulus, place * beam.span
+    threshold, grasp = fraction * beam.modulus, place * beam.span
     plane = Exact(law).pull(beam, grasp=grasp).first_break(threshold)
     assert plane is not None
     names = ("span", "area", "second_moment", "fibre_distance", "modulus", "poisson_ratio")

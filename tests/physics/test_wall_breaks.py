@@ -78,11 +78,11 @@ def torn_in_space(
         sides = np.sqrt(((places[[0, -1]] - places[node]) ** 2).sum(axis=1))
         chord = float(sides.sum()) / rest.span
         assert chord < farthest, "never torn"
-        share = held.worst_stress().total / threshold
-        if share >= 1.0:
+        fraction = held.worst_stress().total / threshold
+        if fraction >= 1.0:
             break
         if sides[0] >= at and sides[1] >= rest.span - at:
-            lost, seen = max(lost, seen - share), max(seen, share)
+            lost, seen = max(lost, seen - fraction), max(seen, fraction)
     return chord, lost
 
 
@@ -119,6 +119,6 @@ def test_a_pull_in_the_plane_tears_every_duct_too(
         solver.rest()
         for part in np.linspace(0.05, 1.0, 20):
             pulled = solver.to_deflection(part * d).sample(np.linspace(0.0, beam.span, 81))
-            share = float(pulled.total_stress.max()) / strength
-            assert share >= min(seen, 1.0) - may_lose
-            seen = max(seen, share)
+            fraction = float(pulled.total_stress.max()) / strength
+            assert fraction >= min(seen, 1.0) - may_lose
+            seen = max(seen, fraction)

@@ -31,7 +31,7 @@ class Conditions(NamedTuple):
     """What parameters are derived from."""
 
     yield_mm: float  # elongation at which a strand begins to soften
-    part_mm: float  # and at which it has parted
+    failure_mm: float  # and at which it has parted
     radius_mm: float  # of the duct
     stress_ratio_limit: float | None  # of the exercise, if there is one
     out_of_sight_limit: float | None
@@ -91,7 +91,7 @@ def _most_unseen(tissue: Conditions) -> float:
 
 
 def _strand_speed(tissue: Conditions) -> float:
-    return (tissue.part_mm - tissue.yield_mm) / REACTION_SECONDS
+    return (tissue.failure_mm - tissue.yield_mm) / REACTION_SECONDS
 
 
 STRAND_SPEED = Parameter(

@@ -47,11 +47,11 @@ def add_debrief(
     `watch` plays the run from a time, s, on.
     """
     in_space = "stress_ratio" in series.columns
-    share = series["stress_ratio"] if in_space else 1.0 - series["distance_to_break"]
+    fraction = series["stress_ratio"] if in_space else 1.0 - series["distance_to_break"]
     limit = None if exercise is None else exercise.limit_of.get("peak_stress_ratio")
     gui.add_html(_numbers_html(metrics, incidents, expert, limit))
-    if len(share):
-        gui.add_html(_timeline_html(series["time_s"], share, limit, incidents, in_space))
+    if len(fraction):
+        gui.add_html(_timeline_html(series["time_s"], fraction, limit, incidents, in_space))
     if not incidents:
         gui.add_html(_line("No errors were found in this run."))
     for number, each in enumerate(incidents[:MOST_ERRORS], 1):
@@ -114,7 +114,7 @@ def _numbers_html(
 
 def _timeline_html(
     time: NDArray[np.float64],
-    share: NDArray[np.float64],
+    fraction: NDArray[np.float64],
     limit: float | None,
     incidents: Sequence[Incident],
     in_space: bool,
@@ -129,10 +129,10 @@ def _timeline_html(
         return HEIGHT - min(max(part, 0.0), 1.0) * (HEIGHT - 8.0)
 
     even = np.linspace(0, len(time) - 1, min(len(time), MOST_POINTS)).round().astype(int)
-    index = np.unique(np.append(even, int(np.argmax(share))))  # the peak is what counts
+    index = np.unique(np.append(even, int(np.argmax(fraction))))  # the peak is what counts
     curve = " ".join(
         f"{x(float(t)):.1f},{y(float(s)):.1f}"
-        for t, s in zip(time[index], share[index], strict=True)
+        for t, s in zip(time[index], fraction[index], strict=True)
     )
     parts = [
         f"<path d='M{LEFT} {y(0.0)}H{WIDTH}M{LEFT} {y(1.0)}H{WIDTH}' stroke='currentColor' "
@@ -168,7 +168,7 @@ def _timeline_html(
     ]
     label = (
         f"Stress of the wall in % of its break over {end:.1f} s, at most "
-        f"{100.0 * float(share.max()):.0f} %; errors: {len(incidents)}"
+        f"{100.0 * float(fraction.max()):.0f} %; errors: {len(incidents)}"
     )
     return _line(
         "<small>Stress of the wall, % of its break, over time in s; below it the errors, by hand"

@@ -234,7 +234,7 @@ class ModelTab:
                 (bed.title, bed.description),
                 (
                     "Energy to part it",
-                    f"{bed.toughness_J_m2:g} J/m² of the duct's surface that it holds.",
+                    f"{bed.toughness_J_per_m2:g} J/m² of the duct's surface that it holds.",
                 ),
                 ("Source", bed.source),
                 (f"Confidence: {bed.confidence}", bed.confidence_note),

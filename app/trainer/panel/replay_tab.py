@@ -99,6 +99,7 @@ class ReplayTab:
         if self._of is not playback:
             self._of = playback
             self._time.max = max(round(playback.duration, 2), STEP)
+            self._was_playing = True  # it may be paused already, at a time that is to be shown
         if self._playing != playback.playing:  # viser cannot say which icon a button has
             self._playing = playback.playing
             self._play.label = "Pause" if playback.playing else "Play"

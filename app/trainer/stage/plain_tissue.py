@@ -60,12 +60,12 @@ class PlainTissue:
         for mesh, numbers in self._parts:
             stream(mesh, "vertices", vertices[numbers])
 
-    def show_stress(self, vertices: NDArray[np.float32], share: NDArray[np.float32]) -> None:
+    def show_stress(self, vertices: NDArray[np.float32], fraction: NDArray[np.float32]) -> None:
         """Draw the stress on the surface as it is now, over the threshold."""
         if self._stress is None:
             self._stress = self._make_stress()
         self._show_stress(True)
-        self._stress.show_stress(vertices, share)
+        self._stress.show_stress(vertices, fraction)
 
     def _show_stress(self, shown: bool) -> None:
         if self._stress is not None:

@@ -50,9 +50,11 @@ def smooth_step(values: Image, low: float, high: float) -> Image:
     return (t * t * (3.0 - 2.0 * t)).astype(np.float32)
 
 
-def mixed_color(under: Image | Sequence[int], over: Image | Sequence[int], share: Image) -> Image:
-    """Return two colours or pictures mixed pixel by pixel; `share` is that of `over`, 0 to 1."""
-    amount = share[..., None]
+def mixed_color(
+    under: Image | Sequence[int], over: Image | Sequence[int], fraction: Image
+) -> Image:
+    """Return two colours or pictures mixed pixel by pixel; `fraction` is that of `over`, 0 to 1."""
+    amount = fraction[..., None]
     return (
         np.asarray(under, np.float32) * (1.0 - amount) + np.asarray(over, np.float32) * amount
     ).astype(np.float32)

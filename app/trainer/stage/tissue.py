@@ -59,7 +59,7 @@ def send_finish(scene: viser.SceneApi, look: Appearance, radius: float) -> None:
     keep_finish(scene, FINISH, finish)
 
 
-def lumen_share(skin: Skin) -> float | None:
+def lumen_fraction(skin: Skin) -> float | None:
     """Return the radius of the lumen over the wall's at the last ring; None of a solid skin."""
     # An inner wall that is drawn so follows the dents of the outer one, and never shows through.
     if not skin.hollow:
@@ -168,14 +168,14 @@ class Tissue:
         divided: bool,
     ) -> "Tissue":
         """Return a surface of a dissection, whole or a piece, under `/organ`."""
-        share = lumen_share(contact.skin) if divided else None
+        fraction = lumen_fraction(contact.skin) if divided else None
         return cls(
             scene,
             f"/organ/{surface}",
             contact,
             look=appearance_of(dissection.preset),
             radius=drawn_radius(dissection),
-            lumen=drawn_lumen(dissection) or share,
+            lumen=drawn_lumen(dissection) or fraction,
             torn_end=cut_end(surface, divided=divided),
         )
 
@@ -192,11 +192,11 @@ class Tissue:
         self._place(vertices)
         self._surface.send()
 
-    def show_stress(self, vertices: NDArray[np.float32], share: NDArray[np.float32]) -> None:
+    def show_stress(self, vertices: NDArray[np.float32], fraction: NDArray[np.float32]) -> None:
         """Draw the stress on the surface as it is now, over the threshold."""
-        shares = self._surface.shades
-        shares[:] = NO_STRESS
-        np.maximum(self._skin.grid(share), 0.0, out=shares[self._outer])
+        fractions = self._surface.shades
+        fractions[:] = NO_STRESS
+        np.maximum(self._skin.grid(fraction), 0.0, out=fractions[self._outer])
         self._place(vertices)
         self._surface.send(stress=True)
 
