@@ -53,7 +53,7 @@ POINTS = 6000
 # voxels that have a neighbour's label.
 FIRST_SEED = 9001
 HELD_OUT_SIZES = ((0.8, 0.8, 1.5), (0.5, 0.5, 0.5))
-WRONG_SHARE = 0.02
+WRONG_FRACTION = 0.02
 THINNEST = 1.0  # radius in voxels: nobody draws a thinner tube
 # A tube is found if its axis is so near, in its radii, and its radius within this part.
 NEAR_RADII, NEAR_RADIUS = 0.35, 0.15
@@ -208,7 +208,7 @@ def held_out_volume(
     values = volume.values.copy()
     border = ndimage.grey_dilation(values, 3) != ndimage.grey_erosion(values, 3)
     places = np.argwhere(border)
-    wrong = places[random.random(len(places)) < WRONG_SHARE]
+    wrong = places[random.random(len(places)) < WRONG_FRACTION]
     beside = wrong + random.integers(-1, 2, wrong.shape)
     beside = np.clip(beside, 0, np.array(values.shape) - 1)
     values[tuple(wrong.T)] = volume.values[tuple(beside.T)]
