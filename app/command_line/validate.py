@@ -40,6 +40,7 @@ def validate(
     from app.validation.bed_checks import bed_checks
     from app.validation.comparison import compared, held_out_errors, hollow_errors, solid_errors
     from app.validation.figures import draw_figures
+    from app.validation.network_checks import network_checks
     from app.validation.page import beds_table, errors_table, page, rows_table, solids_table
     from app.validation.predictions import predicted, shipped
     from app.validation.predictions_page import draw_predictions, predictions_page
@@ -50,7 +51,7 @@ def validate(
         make_folder(output, f"--output {output} cannot be a folder")
     comparisons = [compared(table) for table in TABLES]
     solids = [solid_errors(table) for table in TABLES]
-    beds = [] if output is None else bed_checks()
+    beds = [] if output is None else [*bed_checks(), *network_checks()]
     if output is not None:
         draw_figures({each.table.number: each for each in comparisons}, output / "validation")
         text = page(comparisons, solids, held_out_errors(), hollow_errors(), beds)
