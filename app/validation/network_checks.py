@@ -29,7 +29,7 @@ def network_checks() -> list[BedCheck]:
 
 
 def portal() -> BedCheck:
-    """Push a portal's corner: P h^3 (2 + 3 k)/(12 E I (1 + 6 k)), k = I_b h/(I_c b) [Kleinlogel]."""
+    """Push a corner: P h^3 (2 + 3 k)/(12 E I (1 + 6 k)), k = I_b h/(I_c b) [Kleinlogel]."""
     stiff = 1e6 * AREA
     column = np.array([stiff, stiff, stiff, MOMENT, MOMENT, MOMENT])
     across = column * np.array([1.0, 1.0, 1.0, 1.0, 0.6, 0.6])
