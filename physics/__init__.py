@@ -19,6 +19,7 @@ from physics.rupture import (
 )
 from physics.taut_string import TautString
 from physics.tear_growth import (
+    DEEPEST,
     TearPath,
     tear_by_pull,
     tear_under_force,
@@ -29,6 +30,7 @@ from physics.theory import THEORIES, LawName, Theory, law_named, theory_named
 from physics.varying_beam import VaryingBeam
 
 __all__ = [
+    "DEEPEST",
     "FITTED_Q",
     "THEORIES",
     "Beam",

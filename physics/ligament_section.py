@@ -1,4 +1,4 @@
-"""What a tear with a straight front leaves of a round section."""
+"""What a tear with a straight front leaves of a round section: the same bits on every processor."""
 
 import math
 from dataclasses import dataclass
@@ -19,6 +19,8 @@ class LigamentSection:
     second_moment: float  # of area about its own centroid, mm^4
     front_distance: float  # of the front's edge from its centroid, mm
     back_distance: float  # of the fibre opposite from its centroid, mm
+    across: float  # second moment of area about its axis of symmetry, mm^4
+    half_width: float  # where it is widest, mm
 
 
 def ligament(ring: Ring, depth: float) -> LigamentSection:
@@ -41,7 +43,8 @@ def ligament(ring: Ring, depth: float) -> LigamentSection:
     b = arccos(-u), with the moments
 
         A = R^2 (b - sin b cos b),   int y dA = -(2/3) R^3 sin^3 b,
-        int y^2 dA = (R^4/4) (b - sin b cos b + 2 sin^3 b cos b).
+        int y^2 dA = (R^4/4) (b - sin b cos b + 2 sin^3 b cos b),
+        int x^2 dA = (R^4/4) (b - sin b cos b - (2/3) sin^3 b cos b).
 
     A ring's are those of its outer circle less those of its lumen, cut by the same line; an
     ellipse's are a circle's, scaled across.
@@ -59,8 +62,8 @@ def ligament(ring: Ring, depth: float) -> LigamentSection:
     lumen = radius * math.sqrt(ring.hole)
     outer, inner = _segment(radius, front), _segment(lumen, front)
     # Of an ellipse the width is not the circle's.
-    width = ring.area / (math.pi * (radius**2 - lumen**2))
-    area, first, second = (width * (o - i) for o, i in zip(outer, inner, strict=True))
+    width = ring.area / (math.pi * (radius * radius - lumen * lumen))
+    area, first, second, across = (width * (o - i) for o, i in zip(outer, inner, strict=True))
     centroid = first / area
     return LigamentSection(
         depth=float(depth),
@@ -69,18 +72,37 @@ def ligament(ring: Ring, depth: float) -> LigamentSection:
         second_moment=second - first * centroid,
         front_distance=front - centroid,
         back_distance=radius + centroid,
+        across=width * width * across,
+        half_width=width * math.sqrt(radius * radius - min(front, 0.0) * min(front, 0.0)),
     )
 
 
-def _segment(radius: float, front: float) -> tuple[float, float, float]:
-    """Return area, first and second moment about the middle of a circle's part below a line."""
+def _segment(radius: float, front: float) -> tuple[float, float, float, float]:
+    """Return area, first moment and both second moments of a circle's part below a line."""
+    # About the middle: along the line's normal, and last about that.
     if front <= -radius:
-        return 0.0, 0.0, 0.0
-    angle = math.acos(-front / radius) if front < radius else math.pi
-    sin, cos = math.sin(angle), math.cos(angle)
-    swept, cube = angle - sin * cos, sin**3
+        return 0.0, 0.0, 0.0, 0.0
+    cos = -front / radius if front < radius else -1.0
+    sin = math.sqrt((1.0 - cos) * (1.0 + cos))
+    cube = sin * sin * sin * cos
+    swept, square = _angle(cos, sin) - sin * cos, radius * radius
     return (
-        radius**2 * swept,
-        -2.0 / 3.0 * radius**3 * cube,
-        0.25 * radius**4 * (swept + 2.0 * cube * cos),
+        square * swept,
+        -2.0 / 3.0 * radius * square * sin * sin * sin,
+        0.25 * square * square * (swept + 2.0 * cube),
+        0.25 * square * square * (swept - 2.0 / 3.0 * cube),
     )
+
+
+def _angle(cos: float, sin: float) -> float:
+    """Return the angle from 0 to pi of a cosine and a sine, to 1e-15; no library's acos."""
+    if cos < 0.0:
+        return math.pi - _angle(-cos, sin)
+    for _ in range(3):
+        half = math.sqrt(0.5 * (1.0 + cos))
+        cos, sin = half, 0.5 * sin / half
+    tangent = sin / cos
+    square, series = tangent * tangent, 0.0
+    for n in range(27, 0, -2):  # the arc tangent's, below 0.2
+        series = 1.0 / n - square * series
+    return 8.0 * tangent * series

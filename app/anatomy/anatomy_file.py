@@ -25,7 +25,8 @@ MOST_MM = 1e4
 """Farthest that any place or length may be."""
 RANGES = {
     "radius_mm": (1e-2, 1e3), "wall_mm": (1e-3, 1e3), "modulus_MPa": (1e-5, 1e6),
-    "strength_MPa": (1e-6, 1e6), "factor": (1e-3, 1e3), "reach_mm": (1e-3, MOST_MM),
+    "strength_MPa": (1e-6, 1e6), "tear_mm_per_s": (0.1, 1e4),
+    "factor": (1e-3, 1e3), "reach_mm": (1e-3, MOST_MM),
     "gap_mm": (1e-3, 1e3), "yield_mm": (1e-3, 1e3), "failure_mm": (1e-3, 1e3),
     "stiff": (1e-3, 1e3), "length_mm": (0.0, MOST_MM), "from_mm": (0.0, MOST_MM),
     "to_mm": (0.0, MOST_MM), "slack_mm": (0.0, 1e3), "floor_N_per_mm2": (0.0, 1e3),
@@ -157,6 +158,7 @@ def _check_tube(tube: TubeTable, number: int, seen: set[str]) -> None:
         ("wall_mm", tube.wall_mm),
         ("modulus_MPa", tube.modulus_MPa),
         ("strength_MPa", tube.strength_MPa),
+        *(() if tube.tear_mm_per_s is None else (("tear_mm_per_s", tube.tear_mm_per_s),)),
     ):
         _check_range(value, name, f"tube {tube.name!r}", "tube", number)
     if tube.organ is not None and tube.organ.endswith(ORGAN_SUFFIX):

@@ -62,6 +62,7 @@ class TubeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     modulus_MPa: Number  # noqa: N815
     strength_MPa: Number  # noqa: N815
     stretch_at_break: Number | None = None
+    tear_mm_per_s: Number | None = None  # how fast a tear crosses the wall; at once when None
     ends: tuple[TubeEnd, TubeEnd] = ("clamped", "clamped")
     elements: int = 20
     fluid: Fluid = "none"

@@ -215,6 +215,8 @@ def _serve(address: str, hand: Path | None) -> None:
 
 def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     """Make a run again and say whether its forces are the same to the bit."""
+    from msgspec.structs import replace
+
     from app.anatomy import anatomy_named
     from app.bounded_file import read_bounded
     from app.haptics.device_run import MOST_BYTES, read_device_run
@@ -227,8 +229,9 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     if run.anatomy is not None:
         specimen = Specimen.of_anatomy(anatomy_named(run.anatomy))
     else:
+        preset = with_law(chosen_preset(run.preset), run.theory.law, run.theory.stiffening)
         specimen = Specimen.of_sections(
-            with_law(chosen_preset(run.preset), run.theory.law, run.theory.stiffening),
+            replace(preset, tear_mm_per_s=run.tear_mm_per_s),
             tissue,
             None if run.bed is None else bed_named(run.bed),
             bed_seed=run.bed_seed,

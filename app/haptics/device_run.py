@@ -50,6 +50,7 @@ class DeviceRun(Struct, frozen=True, forbid_unknown_fields=True):
     bed_seed: int = 1
     anatomy: str | Anatomy | None = None  # of several tubes, the name of one that ships, or whole
     tube: str | None = None  # of them, which was felt
+    tear_mm_per_s: float | None = None  # how fast a tear crosses the wall; at once when None
     format: str = FORMAT
     version: int = VERSION
 

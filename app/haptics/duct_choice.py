@@ -109,6 +109,7 @@ class DuctChoice:
             threshold=specimen.threshold,
             coupling=coupling,
             period=period,
+            tear_mm_per_s=specimen.preset.tear_mm_per_s,
         )
 
     def run(
@@ -147,6 +148,7 @@ class DuctChoice:
             bed_seed=specimen.bed_seed,
             anatomy=None if anatomy is None else anatomy_or_name(anatomy),
             tube=self.tube,
+            tear_mm_per_s=specimen.preset.tear_mm_per_s,
         )
 
 

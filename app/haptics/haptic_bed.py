@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from app.haptics.haptic_beam import STRESS_STEPS, tear
 from app.simulation import TICK_SECONDS, Touch
 from kernel_cache import njit
+from physics import DEEPEST
 from physics.bed import BeamOnBed
 from physics.equilibrium import NoEquilibrium
 from physics.quantity import positive
@@ -94,7 +95,8 @@ class HapticBed:
     """A duct in its bed under hooks; a `HapticModel`.
 
     `grasps` are where they take the duct, mm from the first clamp, growing; hooks that are at
-    `tips`, (H, 3) mm, take it there. The wall tears at the stress `threshold`, MPa; `coupling` is
+    `tips`, (H, 3) mm, take it there. The wall tears at the stress `threshold`, MPa, and a tear
+    crosses it at `tear_mm_per_s`, or at once; `coupling` is
     the stiffness of the virtual coupling, N/mm, `period` that of the servo, s. `touch` is what
     another hand does to the beam already. Of several tubes `tube` is taken, and each tears at its
     own of the `strengths`, MPa.
@@ -112,11 +114,13 @@ class HapticBed:
         touch: Touch | None = None,
         tube: str | None = None,
         strengths: Mapping[str, float] | None = None,
+        tear_mm_per_s: float | None = None,
     ) -> None:
         positive(coupling, "coupling", "N/mm")
         hooks = len(grasps)
         self.grasps, self.coupling = grasps, coupling
         self.threshold, self._period = threshold, period
+        self._tear_mm = (tear_mm_per_s or math.inf) * STRESS_STEPS * period  # between two looks
         self._at_first, self._touch_at_first = beam, touch
         if beam.beam.wall is None:
             raise ValueError("a beam without a wall tears nowhere and cannot be felt")
@@ -195,6 +199,8 @@ class HapticBed:
         try:
             beam.tick(self._period)
             broken = self._steps % STRESS_STEPS == 0 and self._stress() > self.threshold
+            if broken and not self._strengths:  # wholly, or part of the way
+                broken = beam.nick(beam.worst_stress(), self._tear_mm) >= DEEPEST
         except NoEquilibrium:
             broken = True
         state = beam.state
@@ -241,7 +247,7 @@ class HapticBed:
                 self.beam.worst_stress(tube, stresses).total / strength
                 for tube, strength in self._strengths.items()
             )
-        if self.beam.beam.fibres is not None:
+        if self.beam.beam.fibres is not None or self.beam.nicks_of():
             return self.beam.worst_stress().total
         return _worst_stress(self.beam.state.section, self._wall)
 

@@ -81,12 +81,14 @@ class BedSetting:
     threshold: float
     touch: Touch | None  # what the hand without a device does to the beam
     hold: bool = False
+    tear_mm_per_s: float | None = None  # how fast a tear crosses the wall; at once when None
 
     def model(self, coupling: float, period: float, hands: int) -> HapticBed:
         """Return it; see `DuctSetting`."""
         return HapticBed(
             self.beam, tuple(self.tips[:hands, 0].tolist()), tips=self.tips[:hands],
             threshold=self.threshold, coupling=coupling, period=period, touch=self.touch,
+            tear_mm_per_s=self.tear_mm_per_s,
         )  # fmt: skip
 
 

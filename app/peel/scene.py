@@ -46,11 +46,15 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     join: list[JoinTable] = []
     layer: list[LayerTable] = []
     time: TimeTable | None = None  # no time goes by without it
+    # how far a tear crosses a tube's wall in a step; None: it is through at once
+    tear_mm: int | float | None = None
 
     def run(self) -> History:
         """Move the hands along their paths."""
         if not self.hand and not self.rod:
             raise ValueError("a scene needs a [[hand]] or a [[rod]]")
+        if self.tear_mm is not None and not self.tube:
+            raise ValueError("tear_mm goes with [[tube]], whose walls tear, not with [beam]")
         tubes = self._network_tubes() if self.tube else {BEAM: self._lone_beam()}
         layers = self.layer if self.tube else self._layers_of_beam()
         joins = [
@@ -93,6 +97,7 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 for each in self.tube
                 if each.break_stress_MPa is not None
             },
+            tear_mm=math.inf if self.tear_mm is None else float(self.tear_mm),
             **self._timed(),
         )
 

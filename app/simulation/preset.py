@@ -49,6 +49,7 @@ LIMITS: dict[str, tuple[float, float, str]] = {
     "wall_mm": (1e-3, 1e3, "mm"),
     "modulus_factor": (1.0, 100.0, ""),
     "strength_factor": (1.0, 100.0, ""),
+    "tear_mm_per_s": (0.1, 1e4, "mm/s"),
 }
 """Smallest and largest value and unit of each number of a preset."""
 
@@ -126,6 +127,8 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     modulus_factor: float | None = None
     strength_factor: float | None = None
     relaxation: str | None = None  # how the wall relaxes, by name; not at all when None
+    # how fast a tear crosses the wall of a beam in space; None: it is through at once
+    tear_mm_per_s: float | None = None
     # its appearance in the picture
     looks_like: Literal["bile duct", "gallbladder", "ureter", "rubber"] = "bile duct"
     source: str = "Yours: no source is given."  # where the figures come from
@@ -134,7 +137,7 @@ class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __post_init__(self) -> None:
         _check(self, "modulus_MPa", "poisson_ratio", "break_force_N", "break_stress_MPa")
-        _check(self, "modulus_factor", "strength_factor")
+        _check(self, "modulus_factor", "strength_factor", "tear_mm_per_s")
         if (self.break_force_N is None) == (self.break_stress_MPa is None):
             raise ValueError("a preset must have either break_force_N or break_stress_MPa")
         law_named(self.law, stiffening=self.stiffening)

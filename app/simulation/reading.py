@@ -48,6 +48,7 @@ class Reading:
     energy: EnergyBalance = NO_ENERGY  # of a beam in space
     stress_ratios: tuple[float, ...] = ()  # T, of each tube in space
     fluids: tuple[FluidReading, ...] = ()  # in tubes that have any
+    nicked: tuple[float, ...] = ()  # T, how deep each is torn, of its height: below 1 in part
 
     @classmethod
     def of_one(

@@ -116,6 +116,7 @@ class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # how strands and walls relax; not at all when None
     strand_relaxation: Prony | None = None
     wall_relaxation: Prony | None = None
+    tear_mm_per_s: float | None = None  # how fast a tear crosses the wall; at once when None
 
     @property
     def in_bed(self) -> bool:
@@ -254,6 +255,8 @@ def _check_start(start: RunStart) -> None:
             f"a run of {start.elements} elements and {start.substeps} steps a tick; this program "
             f"computes with {ELEMENTS} and {SUBSTEPS}"
         )
+    if start.tear_mm_per_s is not None and not 0.0 < start.tear_mm_per_s < math.inf:
+        raise RunFileError(f"tear_mm_per_s must be above 0 and finite, got {start.tear_mm_per_s}")
     for each in (start.strand_relaxation, start.wall_relaxation):
         try:
             _ = each is None or each.made()

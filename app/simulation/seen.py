@@ -12,8 +12,9 @@ __all__ = ["Seen", "what_was_seen"]
 LOOK_TICKS = TICKS_PER_SECOND
 """Ticks between two looks at the view."""
 HAPPENED: dict[EventKind, str] = {
-    "tear": "{} tears", "bleeding": "{} bleeds", "leak": "{} leaks bile",
-    "stanched": "{} no longer loses anything", "clip": "{} is clipped", "division": "{} is divided",
+    "nick": "{} is nicked", "tear": "{} tears", "bleeding": "{} bleeds", "leak": "{} leaks bile",
+    "stanched": "{} no longer loses anything", "clip": "{} is clipped",
+    "division": "{} is divided",
 }  # fmt: skip
 
 

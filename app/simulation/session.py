@@ -519,7 +519,12 @@ class Session:
         try:
             preset = preset_named(preset)
             if theory is None:
-                preset = msgspec.structs.replace(preset, law=start.law, stiffening=start.stiffening)
+                preset = msgspec.structs.replace(
+                    preset,
+                    law=start.law,
+                    stiffening=start.stiffening,
+                    tear_mm_per_s=start.tear_mm_per_s,
+                )
             anatomy = start.anatomy
             each = start.strand_relaxation, start.wall_relaxation
             strands, wall = (None if prony is None else prony.made() for prony in each)

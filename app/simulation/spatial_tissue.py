@@ -32,6 +32,7 @@ from app.simulation.inputs import (
     InputKind,
     Instrument,
 )
+from app.simulation.preset import OrganBeam
 from app.simulation.reading import FluidReading, Reading, Vector
 from app.simulation.run_file import (
     ELEMENTS,
@@ -46,8 +47,8 @@ from app.simulation.specimen import Specimen
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.trocar import TROCARS
 from kernel_cache import njit
-from physics import RuptureCheck
-from physics.bed import BeamOnBed, Network
+from physics import DEEPEST, RuptureCheck
+from physics.bed import BeamOnBed, Network, WorstStress
 
 __all__ = [
     "ELEMENTS", "HANDS", "JAW_RADIUS", "MOST_OPENING", "MOST_SUCTION", "SUBSTEPS", "SWAB_RADIUS",
@@ -55,9 +56,10 @@ __all__ = [
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
-EventKind = Literal["tear", "bleeding", "leak", "stanched", "clip", "division"]
-"""A tear of the wall; blood or bile that begins to flow out of a tube, and that no longer does; a
-clip that closes a tube, and scissors that divide it."""
+EventKind = Literal["nick", "tear", "bleeding", "leak", "stanched", "clip", "division"]
+"""A tear part of the way through a wall, and one that parts the tube; blood or bile that begins to
+flow out of a tube, and that no longer does; a clip that closes a tube, and scissors that divide
+it."""
 
 LOSSES: dict[str, EventKind] = {"blood": "bleeding", "bile": "leak"}
 LEAST_FLOW = 1e-3
@@ -251,6 +253,7 @@ class SpatialTissue:
         )
         self.tears: list[RuptureCheck | None] = [None] * len(tubes.names)
         self.torn_elements = [-1] * len(tubes.names)  # of each tube, from 0
+        self.nicked = [0.0] * len(tubes.names)  # how deep each is torn, of its height
         # of the strength, of each tube
         self.stress_ratios = [0.0] * len(tubes.names)
         # the largest; where, mm from that tube's first end, and of which tube
@@ -626,16 +629,38 @@ class SpatialTissue:
         for tube, name in enumerate(names):
             if self.stress_ratios[tube] <= 1.0 or self.tears[tube] is not None:
                 continue
-            check = surfaces[tube].check(beam, strengths[tube], stresses)
-            worst = worsts[tube].station
-            hand = self._hand_at(tube, worst)
-            self.tears[tube] = check
-            self.torn_elements[tube] = beam.tear(worst, name)
+            check, worst = surfaces[tube].check(beam, strengths[tube], stresses), worsts[tube]
+            hand = self._hand_at(tube, worst.station)
+            if self._nick(tube, worst, check.station, hand):
+                continue
+            self.tears[tube], self.nicked[tube] = check, 1.0
+            self.torn_elements[tube] = beam.tear(worst.station, name)
             self.broken, self.freed = beam.broken, beam.freed
             self._note("tear", tube, check.station, hand)
             for number, holder in enumerate(self.hands):  # it slips off what holds it
                 if holder.tube == tube:
                     self.release(number)
+
+    def _nick(self, tube: int, worst: WorstStress, station: float, hand: int | None) -> bool:
+        """Let a tear go on for a tick; return False where it is through."""
+        beam, name = self.beam, self.tubes.names[tube]
+        wall = self.tubes.dissections[tube].preset
+        nicks = len(beam.nicks_of(name))
+        depth = beam.nick(worst, (wall.tear_mm_per_s or math.inf) * TICK_SECONDS, name)
+        if depth >= DEEPEST:
+            return False
+        self._still = False
+        self.nicked[tube] = max(self.nicked[tube], depth)
+        if len(beam.nicks_of(name)) > nicks:
+            self._note("nick", tube, station, hand)
+        if isinstance(wall.beam, OrganBeam) and (thick := wall.beam.wall_mm) is not None:
+            # Out of a hole as wide as the tear is deep beyond the wall.
+            for nick in beam.nicks_of(name):
+                through = nick.depth * nick.height - thick
+                for flow in self.fluids.values():
+                    if through > 0.0 and name in flow.tubes:
+                        flow.nick(nick.station, name, 0.5 * through, thick)
+        return True
 
     def _hand_at(self, tube: int, station: float) -> int | None:
         """Return the hand that holds a tube, or else the nearest that pulls or presses."""
@@ -737,6 +762,7 @@ class SpatialTissue:
             freed=self.freed,
             energy=beam.energy,
             stress_ratios=tuple(self.stress_ratios),
+            nicked=tuple(self.nicked),
             fluids=tuple(
                 FluidReading(name, 1e-3 * flow.lost, 1e-3 * flow.left, 1e-3 * flow.rate)
                 for name, flow in self.fluids.items()
@@ -753,6 +779,7 @@ class SpatialTissue:
             *(f"hand_{hand + 1}_{name}" for hand in range(HANDS) for name in by_hand),
             "freed_mm", "strands_broken", "stress_ratio",
             "work_mJ", "stored_mJ", "dissipated_mJ", "torn",
+            *(f"{name}_nicked" for name in self._nicking),
             *(
                 f"{name}_{figure}"
                 for name in self._others
@@ -783,6 +810,7 @@ class SpatialTissue:
             energy.stored,
             energy.dissipated,
             int(self.torn is not None),
+            *(self.nicked[self.tubes.names.index(name)] for name in self._nicking),
             *(
                 figure
                 for tube, name in enumerate(self.tubes.names)
@@ -800,6 +828,12 @@ class SpatialTissue:
     def _others(self) -> tuple[str, ...]:
         """Names of tubes of which a table has figures of their own: where there are several."""
         return self.tubes.names if len(self.tubes.names) > 1 else ()
+
+    @property
+    def _nicking(self) -> tuple[str, ...]:
+        """Names of the tubes whose walls do not tear at once."""
+        each = zip(self.tubes.names, self.tubes.dissections, strict=True)
+        return tuple(name for name, duct in each if duct.preset.tear_mm_per_s is not None)
 
     def held_place(self, hand: int) -> Vector | None:
         """Return where a hand holds the duct, mm, or None."""
@@ -853,6 +887,7 @@ class SpatialTissue:
             anatomy=None if anatomy is None else anatomy_or_name(anatomy),
             strand_relaxation=Prony.of(self._relaxing[0]),
             wall_relaxation=Prony.of(self._relaxing[1]),
+            tear_mm_per_s=preset.tear_mm_per_s,
         )
 
     def goal_of(self, exercise: Exercise) -> None:

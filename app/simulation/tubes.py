@@ -101,6 +101,7 @@ def tube_preset(tube: TubeTable) -> Preset:
         modulus_MPa=float(tube.modulus_MPa),
         law="linear",
         break_stress_MPa=float(tube.strength_MPa),
+        tear_mm_per_s=None if tube.tear_mm_per_s is None else float(tube.tear_mm_per_s),
         source=tube.source or "The anatomy's file.",
     )
 

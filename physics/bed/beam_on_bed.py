@@ -7,6 +7,7 @@ there is to read; here are the hands and rods, and the calls that step.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +16,14 @@ from kernel_cache import SameTypes
 from physics.bed import kernels, quasi_static
 from physics.bed.layout import Coupling, Rest, state_of
 from physics.bed.network import Network
-from physics.bed.readings import Readings
+from physics.bed.nick import Nick
+from physics.bed.readings import Readings, WorstStress
 from physics.bed.relaxation import Relaxation
 from physics.bed.space_beam import SpaceBeam
 from physics.bed.strands import Strands
 from physics.equilibrium import NoEquilibrium
 from physics.quantity import finite, positive
+from physics.tear_growth import DEEPEST, START
 
 __all__ = ["BeamOnBed"]
 
@@ -242,6 +245,87 @@ class BeamOnBed(Readings):
         self._rest.write(self.state)
         self.state.sums[kernels.SNAP] -= self._changed()
         return element
+
+    def nick(self, worst: WorstStress, by: float, tube: str | None = None) -> float:
+        """Tear a tube's wall where its stress is worst, part of the way through, or farther.
+
+        Parameters
+        ----------
+        worst
+            Where, and on which side.
+        by
+            How far a tear that is there goes on, mm; a new one begins with a depth of `START`. One
+            that goes on at infinite speed is through at once.
+        tube
+            Which tube.
+
+        Returns
+        -------
+        float
+            The tear's depth, a part of the section's height. From `DEEPEST` on nothing was done:
+            the tube is to be parted there (`tear`).
+
+        Raises
+        ------
+        ValueError
+            If the tube has no wall.
+        """
+        # What the lost fibres held is dissipated.
+        if math.isinf(by):
+            return 1.0
+        rest, wall = self._rest, self._rest.wall
+        which = rest.tube(tube)
+        if wall is None:
+            raise ValueError("a tube without a wall does not tear")
+        element = which.elements.start + self.element_at(worst.station, which.name)
+        whole = rest.stiffness[element]
+        if whole[0] == 0.0:
+            return 1.0
+        side = (1.0, 0.0)
+        if worst.bending > 0.0:
+            side = worst.up / worst.bending, -worst.across / worst.bending
+        modulus = float(whole[0]) / float(wall[element].mean(axis=0)[0])
+        new = Nick.of(which.name, worst.station, side, START, whole, modulus)
+        for k, old in enumerate(rest.nicks):
+            near = old.reach + new.reach + float(np.diff(which.stations).max())
+            if old.tube == new.tube and abs(old.station - new.station) < near:
+                new = replace(old, depth=old.depth + by / old.height)
+                if new.depth < DEEPEST:
+                    self._weaken(new, k)
+                return new.depth
+        self._weaken(new, None)
+        return new.depth
+
+    def _weaken(self, nick: Nick, number: int | None) -> None:
+        """Put a tear in the place of another, or beside the others; account for its energy."""
+        rest, s = self._rest, self.state
+        self._account()
+        relaxes = s.wall_memory.shape[1] > 0
+        if relaxes:
+            kernels.settle(s, 0.0)
+        stiff, off = s.stiff.copy(), s.chord[:, kernels.OFF].copy()
+        if number is None:
+            rest.nicks.append(nick)
+        else:
+            rest.nicks[number] = nick
+        rest.write(s)
+        if relaxes:
+            # What stretches its branches is as before, of another section.
+            kernels.assemble(s, kernels.FROZEN, 0.0)
+            for e, weak in rest.weak(nick):
+                rows = slice(6 * e, 6 * e + 6)
+                memory = s.wall_memory[:, rows]
+                memory[kernels.FORCE_BEFORE] = memory[kernels.FORCE]
+                memory[kernels.STRAIN_BEFORE] = memory[kernels.STRAIN]
+                for branch in memory[kernels.OVER :]:
+                    strain = branch / stiff[e]
+                    if number is None:
+                        strain[[4, 5]] = nick.turned(strain[4], strain[5])
+                        strain[[1, 2]] = nick.turned(strain[1], strain[2])
+                    strain[0] += (off[e] - weak.off) * strain[4]
+                    branch[:] = strain * s.stiff[e]
+            kernels.begin(s, 0.0)
+        self.state.sums[kernels.DISSIPATED] -= self._changed()
 
     def _account(self) -> None:
         """Bring the energy balance up to now, before hands or the beam change."""

@@ -129,7 +129,7 @@ class Flow:
         self._clipped[first + self._bed.element_at(station, tube)] = False
 
     def nick(self, station: float, tube: str, radius: float, wall: float) -> None:
-        """Make a hole in a tube at a station: its radius and the wall's thickness, mm."""
+        """Make a hole in a tube at a station, or widen it: its radius, the wall's thickness, mm."""
         a, w = positive(radius, "radius of a nick", "mm"), finite(wall, "wall of a nick", "mm")
         if tube not in self._bores:
             raise ValueError(f"tube {tube!r} has none of the fluid")
@@ -137,6 +137,10 @@ class Flow:
         node = int(self._bed.nodes_of(tube)[np.argmin(np.abs(stations - station))])
         mu = self.fluid.viscosity
         out = 3.0 * mu / a**3 + 8.0 * mu * w / (math.pi * a**4)
+        for hole in self.holes:
+            if (hole.tube, hole.station) == (tube, station):
+                hole.resistance = min(hole.resistance, out)
+                return
         self.holes.append(_Hole(tube, float(station), node, out))
 
     def advance(self, seconds: float) -> float:

@@ -4,8 +4,8 @@
 beds, each array of which has one axis more; `shapes` says how large they must be.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from physics.bed import kernels
 from physics.bed.network import Elimination, Network
+from physics.bed.nick import Nick, Weak
 from physics.bed.relaxation import Relaxation
 from physics.bed.space_beam import HELD, tangents
 from physics.bed.strands import Strands
@@ -90,6 +91,7 @@ class Rest:
     others: Ints  # (S,) the nodes that their feet are on, -1 for the bed
     pairs: Ints  # (G, 4) as in the state
     order: NDArray[np.intp]  # (S,) their numbers in `strands`
+    nicks: list[Nick] = field(default_factory=list[Nick])  # tears part of the way through tubes
 
     @classmethod
     def of(
@@ -211,24 +213,25 @@ class Rest:
         """Write what follows from the nodes' places at rest: strains, stiffnesses, arms."""
         for tube in self.tubes:
             s.h[tube.elements] = np.diff(tube.stations)
+        s.chord[:] = 0.0
+        stiffness = self._weakened(s) if self.nicks else self.stiffness
         kernels.set_rest(self.x, self.q, s.ends, s.turn, s.h, s.strain)
         s.floor[:, 1] = self.x[:, 2]
-        s.stiff[:] = self.stiffness
-        s.chord[:] = 0.0
+        s.stiff[:] = stiffness
         # One shear strain an element leaves bending out, h^2/(12 E I), which is added to its shear
         # flexibility [MacNeal 1978]: under forces at the nodes a straight element is then exact at
         # small loads.
-        whole = self.stiffness[:, 0] > 0.0
+        whole = stiffness[:, 0] > 0.0
         for shear, bending in ((1, 5), (2, 4)):
-            within = s.h[whole] ** 2 / (12.0 * self.stiffness[whole, bending])
-            s.stiff[whole, shear] = 1.0 / (1.0 / self.stiffness[whole, shear] + within)
+            within = s.h[whole] ** 2 / (12.0 * stiffness[whole, bending])
+            s.stiff[whole, shear] = 1.0 / (1.0 / stiffness[whole, shear] + within)
             inner = s.stiff[whole, shear] * within
             s.chord[whole, shear - 1] = np.where(inner > THIN, inner * inner, 0.0)
         if self.fibres is not None:
             # Their length is the chord's in all elements: else stiffening fibres would gain by what
             # is left out of their shear.
             for column, shear in ((kernels.SOFT_2, 1), (kernels.SOFT_3, 2)):
-                soft = s.stiff[whole, shear] / self.stiffness[whole, shear]
+                soft = s.stiff[whole, shear] / stiffness[whole, shear]
                 s.wall[:, column] = 0.0
                 s.wall[whole, column], s.chord[whole, shear - 1] = soft, 1.0 - soft
             s.wall[~whole, kernels.STRENGTH] = 0.0
@@ -239,6 +242,31 @@ class Rest:
         kernels.set_arms(
             self.x, self.q, self.others, strands.feet[self.order], s.strand, kernels.FOOT_X
         )
+
+    def weak(self, nick: Nick) -> Iterator[tuple[int, Weak]]:
+        """Return the elements that a tear weakens, and what is left of them."""
+        tube = self.tube(nick.tube)
+        first = tube.elements.start
+        for e, (low, high) in enumerate(zip(tube.stations[:-1], tube.stations[1:], strict=True)):
+            if self.stiffness[first + e, 0] > 0.0:
+                weak = nick.weak(self.stiffness[first + e], float(low), float(high))
+                if weak is not None:
+                    yield first + e, weak
+
+    def _weakened(self, s: kernels.State) -> Floats:
+        """Write the frames and fibres of elements with a tear; return all stiffnesses."""
+        stiffness = self.stiffness.copy()
+        for nick in self.nicks:
+            for e, weak in self.weak(nick):
+                stiffness[e], s.chord[e, kernels.OFF] = weak.stiffness, weak.off
+                s.turn[e] = [times(each, nick.spin) for each in self.turn[e]]
+                if self.fibres is not None:
+                    s.wall[e, kernels.STRENGTH] = weak.stiffness[0]
+                    for reach, factor in zip(
+                        (kernels.REACH_2, kernels.REACH_3), weak.reaches, strict=True
+                    ):
+                        s.wall[e, reach] = factor * self.fibres[0][e, reach]
+        return stiffness
 
     def move_node(self, s: kernels.State, tube: Tube, k: int, station: float) -> None:
         """Move an inner node of a tube, the k-th, to a station, along the axis at rest and now."""
@@ -277,7 +305,7 @@ def shapes(rest: Rest, rods: int = 0, relaxation: Relaxing = AT_ONCE) -> Shapes:
         "spring": three, "first_block": (2, nodes + 1), "blocks": (3, block[0]),
         "product": rest.elimination.products.shape, "ends": (elements, 4),
         "turn": (elements, 2, 4), "h": (elements,), "stiff": (elements, 6), "strain": (elements, 6),
-        "chord": (elements, 2), "wall": (solid, kernels.WALL_ROWS), "strained": (solid, 4),
+        "chord": (elements, 3), "wall": (solid, kernels.WALL_ROWS), "strained": (solid, 4),
         "first": (nodes + len(rest.pairs) + 1,), "pair": rest.pairs.shape,
         "strand": (kernels.STRAND_ROWS, count), "damage": (count,),
         "floor": (nodes, 2), "thick": three, "rods": swept, "side": touched, "pull": at_rods,

@@ -17,6 +17,7 @@ from physics.bed.space_beam import SpaceBeam
 from physics.bed.strands import Strands
 from physics.equilibrium import NoEquilibrium
 from physics.quantity import finite, positive
+from physics.tear_growth import DEEPEST
 
 __all__ = ["Hand", "History", "Rod", "pull", "step_places"]
 
@@ -132,6 +133,7 @@ class TubeHistory:
     highest_at: Floats | None  # (T,) where that is, mm from its first end
     strength: float  # nominal stress at which it tears, MPa; infinite where it does not
     torn: tuple[tuple[int, float], ...]  # steps, from 0, after which it tore, and where, mm
+    nicked: Floats | None = None  # (T,) how deep it is torn, of its height; None without a wall
 
     def row(self, step: int) -> dict[str, object]:
         """Return what `bluntdissect peel --json` writes of it after a step."""
@@ -143,6 +145,8 @@ class TubeHistory:
                 out["highest_at_mm"] = float(self.highest_at[step])
             if self.strength < np.inf:
                 out["distance_to_break_percent"] = 100.0 * (1.0 - stress / self.strength)
+        if self.nicked is not None and 0.0 < self.nicked[step] < 1.0:
+            out["nicked"] = float(self.nicked[step])
         out["torn_at_mm"] = [at for when, at in self.torn if when <= step]
         return out
 
@@ -243,6 +247,7 @@ class History:
             head += ["time_s", "viscous_mJ"]
         for tube in self.tubes:
             head += [f"{tube.name}_freed_mm", f"{tube.name}_stress_MPa", f"{tube.name}_tears"]
+            head += [f"{tube.name}_nicked"] * (tube.nicked is not None)
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(head)
@@ -265,6 +270,7 @@ class History:
                 stress = np.nan if tube.stress is None else tube.stress[t]
                 tears = sum(when <= t for when, _ in tube.torn)
                 line += [_cell(tube.freed[t]), _cell(stress), tears]
+                line += [] if tube.nicked is None else [_cell(tube.nicked[t])]
             writer.writerow(line)
         return out.getvalue()
 
@@ -281,6 +287,7 @@ def pull(
     step_seconds: float = 0.0,
     strand_relaxation: Relaxation | None = None,
     wall_relaxation: Relaxation | None = None,
+    tear_mm: float = np.inf,
     watch: Callable[[BeamOnBed], bool] | None = None,
 ) -> History:
     """Move hands and rods along their paths through equilibria and return what happened.
@@ -308,6 +315,9 @@ def pull(
         Time that each step takes, s, in which strands and walls relax.
     strand_relaxation, wall_relaxation
         How they do; not at all when None.
+    tear_mm
+        How far a tear crosses the wall of a network's tube in a step, mm: through at once, or part
+        of the way (`BeamOnBed.nick`).
     watch
         Called with the beam at rest, once hands have taken hold, and after each step, with which
         the pull ends if it returns True.
@@ -336,7 +346,7 @@ def pull(
     )
     relaxes = strand_relaxation is not None or wall_relaxation is not None
     names = beam.tubes if isinstance(beam, Network) else ()
-    tubes = [_TubeRecord(held, name, strength) for name in names]
+    tubes = [_TubeRecord(held, name, strength, tear_mm) for name in names]
     paths = [step_places(hand.path, hand.steps, "a hand's path") for hand in hands]
     sweeps = [step_places(rod.path, rod.steps, "a rod's path", begin=False) for rod in rods]
     total = max(
@@ -433,8 +443,12 @@ def pull(
 class _TubeRecord:
     """A tube of a network while it is pulled."""
 
-    def __init__(self, held: BeamOnBed, name: str, strength: Mapping[str, float] | None) -> None:
-        self.name = name
+    def __init__(
+        self, held: BeamOnBed, name: str, strength: Mapping[str, float] | None, tear_mm: float
+    ) -> None:
+        if not tear_mm > 0.0:
+            raise ValueError(f"tear_mm must be above 0 mm, got {tear_mm} mm")
+        self.name, self._tear_mm = name, tear_mm
         self.strength = (strength or {}).get(name, np.inf)
         self._walled = held.network.tubes[name].wall is not None
         if self.strength < np.inf and not self._walled:
@@ -443,6 +457,7 @@ class _TubeRecord:
         self._worst: list[tuple[float, float]] = []
         self._torn: list[tuple[int, float]] = []
         self._elements: list[int] = []
+        self._nicked: list[float] = []
 
     def add(self, held: BeamOnBed, step: int) -> None:
         """Take down a step, and tear the tube where it is past its strength."""
@@ -453,15 +468,21 @@ class _TubeRecord:
         self._worst.append((worst.total, worst.station))
         element = held.element_at(worst.station, self.name)
         near = any(abs(element - torn) < APART for torn in self._elements)
-        if worst.total > self.strength and not near:
+        past = worst.total > self.strength and not near
+        if past and held.nick(worst, self._tear_mm, self.name) >= DEEPEST:
             self._elements.append(held.tear(worst.station, self.name))
             self._torn.append((step, worst.station))
+        nicks = [each.depth for each in held.nicks_of(self.name)]
+        self._nicked.append(1.0 if self._torn else max(nicks, default=0.0))
 
     def history(self) -> TubeHistory:
         """Return all that was taken down."""
         stress, at = np.array(self._worst).reshape(-1, 2).T if self._walled else (None, None)
         torn = tuple(self._torn)
-        return TubeHistory(self.name, np.array(self._freed), stress, at, self.strength, torn)
+        nicked = np.array(self._nicked) if self._walled else None
+        return TubeHistory(
+            self.name, np.array(self._freed), stress, at, self.strength, torn, nicked
+        )
 
 
 def _tissue(

@@ -93,6 +93,8 @@ class EnergyAudit:
 
     def __init__(self, s: kernels.State, gross: float, noise: float) -> None:
         self._s, self.gross, self._noise = s, gross, noise
+        # Of energies of fibres, which are differences of numbers near 1 E A: their rounding, mJ.
+        self._grain = 4e-16 * float((s.wall[:, kernels.STRENGTH] * s.h[: len(s.wall)]).sum())
         self._before = _Forces.of(s)
 
     def judge(self, spent: _Spent, *, shortest: bool) -> float:
@@ -120,6 +122,7 @@ class EnergyAudit:
         led = (moved[0], moved[1][after.loads != 0.0], moved[2])
         far_each = sum(float(np.abs(w).sum()) for w in led)
         least = 0.01 * OPEN * OPEN * total + self._noise * far_each + 1e-14 * after.stored
+        least += self._grain
         close = abs(missing) <= OPEN * gross + least
         # A jump releases energy. Where some came from nowhere, another equilibrium than the one
         # that the beam would have moved to was found.

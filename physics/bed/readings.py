@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kernel_cache import njit
 from physics.bed import kernels
 from physics.bed.layout import Rest, times
+from physics.bed.nick import Nick
 from physics.quantity import finite
 
 __all__ = ["EnergyBalance", "Readings", "WorstStress", "worst_stress"]
@@ -49,6 +50,8 @@ class WorstStress:
     bending: float  # MPa
     # angle about the axis at which bending stretches most: rad from up, positive towards y
     side: float
+    up: float  # of the bending stress, the part of bending up, MPa, and across
+    across: float
 
     @property
     def total(self) -> float:
@@ -232,6 +235,11 @@ class Readings:
         """(3,) the part of that force that presses the rod against the beam itself, N."""
         return self.state.press[rod].copy()
 
+    def nicks_of(self, tube: str | None = None) -> tuple[Nick, ...]:
+        """Return the tears that go part of the way through a tube."""
+        name = self._rest.tube(tube).name
+        return tuple(each for each in self._rest.nicks if each.tube == name)
+
     @property
     def stored_in_beam(self) -> float:
         """Elastic energy of the beam alone, mJ."""
@@ -261,16 +269,74 @@ class Readings:
         """Return the (N - 1, 2, 3) stresses of the wall at both ends of each element, MPa."""
         # Nominal, forces over areas at rest: normal, and of bending at the outermost fibres up and
         # across the beam. Above zero, bending stretches the side up and the one away from y.
-        wall, section, fibres = self._rest.wall, self.state.section, self._rest.fibres
+        wall, section = self._rest.wall, self.state.section
         if wall is None:
             raise ValueError("the beam has no wall from which stresses could be read")
-        if fibres is not None:
-            out = np.empty((section.shape[0], 2, 3))
-            kernels.end_stresses(section, self.state.strained, fibres[1], wall, out)
-            return out
+        rows = None if self._rest.fibres is None else self._rest.fibres[1]
+        if self._rest.nicks:
+            section, wall = section.copy(), wall.copy()
+            rows = None if rows is None else rows.copy()
+            for nick in self._rest.nicks:
+                self._take_ligament(nick, section, wall, rows)
         out = np.empty((section.shape[0], 2, 3))
-        _nominal(section, wall, out)
+        if rows is not None:
+            kernels.end_stresses(section, self.state.strained, rows, wall, out)
+        else:
+            _nominal(section, wall, out)
+        for nick in self._rest.nicks:
+            for e, end, _ in self._at_nick(nick):
+                out[e, end, 1], out[e, end, 2] = nick.back(out[e, end, 1], out[e, end, 2])
         return out
+
+    def _at_nick(self, nick: Nick) -> list[tuple[int, int, float]]:
+        """Return elements at a tear, their ends nearest to it, and where it is on them, 0 to 1."""
+        x, first = self.stations_of(nick.tube), self.elements_of(nick.tube).start
+        e = self.element_at(nick.station, nick.tube)
+        u = (nick.station - float(x[e])) / float(x[e + 1] - x[e])
+        found = [(first + e, int(u > 0.5), u)]
+        if e > 0 and nick.station == x[e]:
+            found.append((first + e - 1, 1, 1.0))
+        return found
+
+    def _take_ligament(
+        self, nick: Nick, section: Floats, wall: Floats, rows: Floats | None
+    ) -> None:
+        """Let elements at a tear have the moments, moduli and fibres of what bears there."""
+        # Away from it, what the tube's own section would have.
+        left, ring = nick.left, nick.section
+        here = {e: (end, u) for e, end, u in self._at_nick(nick)}
+        for e, _ in self._rest.weak(nick):
+            moments = section[e, [4, 7]], section[e, [5, 8]]
+            section[e, [4, 7]], section[e, [5, 8]] = nick.back(*moments)
+            if e not in here:
+                continue
+            end, u = here[e]
+            opening, sideways = ((1.0 - u) * each[0] + u * each[1] for each in moments)
+            opening += left.shift * section[e, 9 + end]
+            section[e, 4 + 3 * end], section[e, 5 + 3 * end] = opening, sideways
+            # Distances of the front, or of the fibre opposite where the tear closes, and of the
+            # ligament's widest fibre, in those of the whole section.
+            edge = left.front_distance if opening >= 0.0 else left.back_distance
+            edges = [2.0 * each / ring.height for each in (edge, left.half_width)]
+            area, up, across = (
+                each / whole
+                for each, whole in (
+                    (left.area, ring.area),
+                    (left.second_moment, ring.second_moment),
+                    (left.across, ring.second_moment),
+                )
+            )
+            whole = nick.whole(float(wall[e, end, 1]), float(wall[e, end, 2]))
+            wall[e, end] = (
+                area * wall[e, end, 0], whole[0] * up / edges[0], whole[1] * across / edges[1],
+            )  # fmt: skip
+            if rows is not None:
+                row = rows[e, end]
+                row[kernels.STRENGTH] *= area
+                row[kernels.REACH_2] *= math.sqrt(up / area)
+                row[kernels.REACH_3] *= math.sqrt(across / area)
+                row[kernels.OUTER_2] *= edges[0]
+                row[kernels.OUTER_3] *= edges[1]
 
     def worst_stress(self, tube: str | None = None, stresses: Floats | None = None) -> WorstStress:
         """Return the largest stress of a tube's wall over its nodes, of `stresses` if given."""
@@ -278,9 +344,9 @@ class Readings:
         whole = self.stresses() if stresses is None else stresses
         node, normal, up, across = worst_stress(whole[which.elements])
         if node < 0:
-            return WorstStress(0.0, 0.0, 0.0, 0.0)
-        bending = math.sqrt(up * up + across * across)
-        return WorstStress(float(which.stations[node]), normal, bending, math.atan2(-across, up))
+            return WorstStress(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        bending, side = math.sqrt(up * up + across * across), math.atan2(-across, up)
+        return WorstStress(float(which.stations[node]), normal, bending, side, up, across)
 
     @cached_property
     def _tightest(self) -> float:

@@ -45,7 +45,7 @@ def test_names_are_unique_and_the_default_comes_first() -> None:
 @pytest.mark.parametrize("preset", LIST, ids=BY_NAME)
 def test_a_preset_is_complete(preset: dict[str, Any]) -> None:
     assert preset.keys() >= REQUIRED
-    options = {"looks_like", "law", "stiffening", "relaxation"}
+    options = {"looks_like", "law", "stiffening", "relaxation", "tear_mm_per_s"}
     assert preset.keys() <= REQUIRED | BREAKS | FACTORS | options
     assert len(preset.keys() & BREAKS) == 1
     for name in ("title", "description", "source", "confidence_note"):

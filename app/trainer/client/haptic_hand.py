@@ -177,7 +177,8 @@ class HapticHand:
         tips = np.array([hand.target for hand in session.spatial.hands[: self._hands]])
         other = None if self._hands == HANDS else touch
         self._led = None
-        return BedSetting(beam, tips, session.tissue.threshold, other)
+        speed = session.tissue.dissection.preset.tear_mm_per_s
+        return BedSetting(beam, tips, session.tissue.threshold, other, tear_mm_per_s=speed)
 
     def _lead_other(self, state: PageState) -> None:
         """Tell the servo what the hand of mouse and keys does, and what the keys hold."""

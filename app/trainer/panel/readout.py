@@ -27,6 +27,7 @@ BENDING = "Tension at the outermost fibre from the bend"
 FREED = "Length of duct about which all strands but a few have parted"
 PARTED = "Strands that have broken, of all that held the duct; they never heal"
 PEAK = "The highest nominal stress so far by the threshold; the mark on the bar is there too"
+NICKED = "How deep the wall is torn, of its height: from three quarters on it parts"
 HAND_FORCE = "What this hand feels: its pull on the duct, or its push on strands, newtons"
 ENERGY = (
     "Part of the work of both hands that went into strands that parted; the rest has stretched the "
@@ -144,6 +145,8 @@ def _cells(reading: Reading) -> list[str]:
             for hand, force in zip(HANDS, reading.forces, strict=True)
         ),
     ]
+    if nick := max(reading.nicked, default=0.0):
+        hands[0] = _cell(term("Torn", NICKED), f"{100.0 * min(nick, 1.0):.0f}", "% of the wall")
     if not reading.strands:
         return hands + stresses
     energy = reading.energy

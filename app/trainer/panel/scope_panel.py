@@ -240,6 +240,11 @@ class ScopePanel:
             *((f"{each.name.capitalize()} lost", f"{figure(each.lost_ml)} ml")
               for each in reading.fluids),
         ]  # fmt: skip
+        names = self._state.shown.spatial.tubes.names
+        for name, deep in zip(names, reading.nicked, strict=True):
+            if not hidden and 0.0 < deep < 1.0:
+                wall = WALLS.get(name, name.replace("_", " "))
+                rows.append((f"Nicked: {wall}", f"{100.0 * deep:.0f} % through"))
         if torn:
             rows.append(
                 (

@@ -31,12 +31,17 @@ where in truth it is stretched along its chord. Then (`chord` has f^2, else 0)
 and with e = dL/dGamma the force is N e + (0, G_2 Gamma_2, G_3 Gamma_3), its tangent
 
     C = (EA - N/L) e e^T + diag(N/L, G_2 + f_2^2 N/L, G_3 + f_3^2 N/L).
+
+What a nick leaves of a section lies `off` below its axis, in a frame whose up is the torn side
+(`nick`): its own stretch is that of the axis less off kappa_2, and the moment about the axis is its
+own less off N.
 """
 
 import math
 
 from kernel_cache import njit
 from physics.bed.kernels.relaxation import ENERGY, FORCE, STRAIN, WALL_LESS
+from physics.bed.kernels.state import OFF
 from physics.bed.kernels.vectors import (
     Floats,
     Four,
@@ -182,6 +187,7 @@ def strain_fibres(
         if chord[e, 0] > 0.0 or chord[e, 1] > 0.0:
             lam = math.sqrt(lam * lam + chord[e, 0] * g2 * g2 + chord[e, 1] * g3 * g3)
         k2, k3 = f * dot(t2, c) - strain[e, 4], f * dot(t3, c) - strain[e, 5]
+        lam -= chord[e, OFF] * k2
         strained[e, 0], strained[e, 1], strained[e, 2], strained[e, 3] = lam, square, k2, k3
         place_fibres(fibres, FIBRES * e, wall, e, lam, square, k2, k3)
     fill_all(fibres, wall, int(0))
@@ -234,7 +240,9 @@ def beam_pass(
         if relaxes:
             row = memory[WALL_LESS, 6 * e : 6 * e + 6]
             less = (row[0], row[1], row[2], row[3], row[4], row[5])
-        n1, n2, n3 = c1 * g1 - less[0], c2 * g2 - less[1], c3 * g3 - less[2]
+        off = chord[e, OFF]
+        along, lower = c1, off * k2
+        n1, n2, n3 = c1 * (g1 - lower) - less[0], c2 * g2 - less[1], c3 * g3 - less[2]
         m1, m2, m3 = bend1 * k1 - less[3], bend2 * k2 - less[4], bend3 * k3 - less[5]
         # n and m in space, y = B m with B = (1 + t.c) I + (c - t) c^T; t = tau c, since
         # tan(phi/4) = tan(phi/2) / (1 + sqrt(1 + tan^2(phi/2))).
@@ -247,11 +255,13 @@ def beam_pass(
             e1, e2, e3 = (1.0 + g1) / length, f2 * g2 / length, f3 * g3 / length
             direction = added(added(scaled(t1, e1), scaled(t2, e2)), scaled(t3, e3))
             g1 = length - 1.0
-            n1 = c1 * g1 - less[0]
+            n1 = c1 * (g1 - lower) - less[0]
             tight = n1 / length
             dyad = c1 - tight
             c1, c2, c3 = tight, c2 + f2 * tight, c3 + f3 * tight
+        g1 -= lower
         law = e < wall.shape[0]
+        coupled = law or off != 0.0
         in_c = in_m = in_x = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if law:
             ea, soft2, soft3 = wall[e, STRENGTH], wall[e, SOFT_2], wall[e, SOFT_3]
@@ -259,6 +269,9 @@ def beam_pass(
             psi, n1, per, m2, m3, c11, c12, c22, x2, x3, y2, y3, z22, z23, z33 = section_forces(
                 fibres, FIBRES * e, wall, e, strained[e, 0], square, k2, k3
             )
+            if off != 0.0:
+                z22, z23 = z22 + off * (off * c11 - 2.0 * x2), z23 - off * x3
+                x2, y2 = x2 - off * c11, y2 - off * c12
             if relaxes:
                 force = memory[FORCE, 6 * e : 6 * e + 6]
                 memory[ENERGY, e] = ea * psi + 0.5 * stiff[e, 3] * k1 * k1
@@ -314,10 +327,20 @@ def beam_pass(
                     force[0] * g1 + force[1] * g2 + force[2] * g3
                     + stiff[e, 3] * k1 * k1 + force[4] * k2 + force[5] * k3
                 )  # fmt: skip
+            if coupled:
+                a12, a13, a23 = dyad * e1 * e2, dyad * e1 * e3, dyad * e2 * e3
+                in_c = (
+                    c1 + dyad * e1 * e1, a12, a13,
+                    a12, c2 + dyad * e2 * e2, a23, a13, a23, c3 + dyad * e3 * e3,
+                )  # fmt: skip
+                f = -off * along
+                in_x = (0.0, f * e1, 0.0, 0.0, f * e2, 0.0, 0.0, f * e3, 0.0)
+                in_m = (bend1, 0.0, 0.0, 0.0, bend2 - f * off, 0.0, 0.0, 0.0, bend3)
         if relaxes:
             row = memory[STRAIN, 6 * e : 6 * e + 6]
             row[0], row[1], row[2], row[3], row[4], row[5] = g1, g2, g3, k1, k2, k3
             memory[FORCE, 6 * e + 3] = stiff[e, 3] * k1
+        m2 -= off * n1
         if thin:
             n1, n2, n3 = n1 * e1, n2 + n1 * e2, n3 + n1 * e3
         n = added(added(scaled(t1, n1), scaled(t2, n2)), scaled(t3, n3))
@@ -358,7 +381,7 @@ def beam_pass(
 
         # The tangent in (u', sigma, D), 3 x 3 blocks by rows: p for u' sigma (over h), w for
         # sigma sigma, v for sigma D, z for D D; C and C_m in space are `big_c` and `big_m`.
-        if law:
+        if coupled:
             big_c, big_m = congruent(in_c, t1, t2, t3), congruent(in_m, t1, t2, t3)
         else:
             big_c = turned(c1, c2, c3, t1, t2, t3)
@@ -402,7 +425,7 @@ def beam_pass(
             diag + u[2] * t[2],
         )
         xd = in_x
-        if law:
+        if coupled:
             # Where stretch and bending go together, u' D: 2 C_x B, and sigma D: -[d] 2 C_x B.
             cx = congruent(in_x, t1, t2, t3)
             b2 = 2.0 * (1.0 - tau)
@@ -485,7 +508,7 @@ def beam_pass(
                 b[r, col] -= f * big_c[3 * r + col]
                 b[r, 3 + col] -= 0.5 * (p[3 * r + col] - pt[3 * r + col])
                 b[3 + col, r] += 0.5 * (p[3 * r + col] + pt[3 * r + col])
-        if law:
+        if coupled:
             for r in range(3):
                 for col in range(3):
                     term = 0.5 * f * xd[3 * r + col]

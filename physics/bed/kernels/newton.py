@@ -22,6 +22,7 @@ from physics.bed.kernels.step import (
 )
 from physics.bed.kernels.tangent import copy_blocks, hold_nodes, shift_tangent, solve
 from physics.bed.kernels.vectors import inner
+from physics.bed.kernels.wall import STRENGTH
 
 # How many times as far as the hands a node may go in one Newton step without being looked at.
 FAR_BEYOND_HANDS = 4.0
@@ -92,6 +93,10 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
     for e in range(s.h.size):
         least_shift = max(least_shift, s.stiff[e, 1] / s.h[e])
     least_shift *= 1e-11
+    # Energies of fibres are differences of numbers near 1 E A.
+    fibres_rounding = 0.0
+    for e in range(s.wall.shape[0]):
+        fibres_rounding += 1e-16 * s.wall[e, STRENGTH] * s.h[e]
     shift = 0.0
     left = stalled = 0
     rods = any_rod(s.rods)
@@ -180,7 +185,7 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         before = energy
         # Of the energies, and of the lengths that they follow from.
         rounding = 1e-13 * (abs(s.sums[BEAM]) + abs(s.sums[STRANDS]) + abs(s.sums[LOADS]))
-        rounding += 1e-15 * span * s.sums[FORCE_SCALE] + 1e-300
+        rounding += 1e-15 * span * s.sums[FORCE_SCALE] + fibres_rounding + 1e-300
         # Armijo's rule: at least 1e-4 of the fall that the slope promises. 0.4^30 is no step.
         accepted = False
         for _ in range(30):

@@ -52,6 +52,10 @@ TIP, SHAFT, RADIUS, IN_USE = 0, 3, 6, 7
 ROD_ROWS = 8
 
 
+# The column of `chord` with how far below its axis what is left of an element's section lies, mm.
+OFF = 2
+
+
 # What damage does in an assembly: it stays; the incremental potential counts it; it relaxes.
 FROZEN, INCREMENTAL, RELAXED = 0, 1, 2
 
@@ -88,7 +92,7 @@ class State(NamedTuple):
     h: Floats  # (E,) lengths at rest, mm
     stiff: Floats  # (E, 6) N, N mm^2
     strain: Floats  # (E, 6) Gamma_0 and kappa_0, 1/mm
-    # (E, 2) squares of the parts of both shears that are bending within an element, if thin
+    # (E, 3) squares of the parts of both shears that are bending within an element, if thin; `OFF`
     chord: Floats
     wall: Floats  # (E, WALL_ROWS) what `kernels.wall` needs; (0, WALL_ROWS) of a linear wall
     strained: Floats  # (E, 4) or (0, 4) stretch, gam^2 and both curvatures of its sections
