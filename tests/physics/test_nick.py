@@ -23,7 +23,7 @@ def worst_at(station: float, up: float, across: float = 0.0) -> WorstStress:
 
 
 def deepened(held: BeamOnBed, worst: WorstStress, depth: float) -> None:
-    held.nick(worst, 0.0)
+    found = held.nick(worst, 0.0)
     left = depth - START
     for _ in range(3):
         found = held.nick(worst, left / 3.0 * held.nicks_of()[0].height)
@@ -79,7 +79,7 @@ def test_what_the_lost_fibres_held_is_dissipated(law: Law, *, relaxes: bool) -> 
     goal = held.rest_place(node) + np.array([1.0, 5.0, 8.0])
     held.lead(node, goal)
     held.tick(0.5, ticks=250)
-    deep, force, lost = 0.0, math.inf, 0.0
+    deep, force, lost, worst = 0.0, math.inf, 0.0, held.worst_stress()
     while deep < 0.6:
         worst = held.worst_stress()
         deep = held.nick(worst, 0.5)
