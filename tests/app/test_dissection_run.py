@@ -467,7 +467,8 @@ def test_a_duct_of_its_own_sections_is_torn_within_the_hand_s_reach(
     assert start is not None
     lift, seen = 0.0, 0.0
     while session.spatial.torn is None:
-        assert session.spatial.stress_ratio >= 0.999 * seen
+        # Once a part of the wall has torn the stress is that of what is left, and may fall.
+        assert any(session.spatial.nicked) or session.spatial.stress_ratio >= 0.999 * seen
         seen, lift = session.spatial.stress_ratio, lift + 0.25
         assert lift < 60.0
         session.move_hand(0, start + np.array([0.0, 0.0, lift]))
