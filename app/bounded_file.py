@@ -53,8 +53,8 @@ def _explained(fault: str, kind: type) -> str:
         right = [field.encode_name for each in there for field in getattr(each, "fields", ())]
     else:
         right = [str(value) for each in there for value in getattr(each, "values", ())]
-    said, at, path = fault.partition(" - at `")
-    return f"{said} (there are {', '.join(right)}){at}{path}" if right else fault
+    message, at, path = fault.partition(" - at `")
+    return f"{message} (there are {', '.join(right)}){at}{path}" if right else fault
 
 
 def _types_at(there: Any, path: str) -> list[Any]:

@@ -54,20 +54,20 @@ def random_case(generator: np.random.Generator, *, neo_hooke: bool) -> tuple[Bea
         modulus=10.0 ** generator.uniform(-3.0, 3.0),
         poisson_ratio=generator.uniform(0.2 if neo_hooke else 0.0, 0.49),
     )
-    part = 0.5 if generator.random() < 0.25 else generator.uniform(0.05, 0.95)
-    largest = whole_reach(part) * span
-    shorter = min(part, 1.0 - part) * span
+    fraction = 0.5 if generator.random() < 0.25 else generator.uniform(0.05, 0.95)
+    largest = whole_reach(fraction) * span
+    shorter = min(fraction, 1.0 - fraction) * span
     if neo_hooke and shorter < 0.5 * outer:
         largest = STUBBY_REACH * shorter
     near = generator.random() < 0.5
     scale = generator.uniform(0.9, 1.0) if near else SMALLEST_LOAD ** generator.random()
     sign = -1.0 if generator.random() < 0.5 else 1.0
-    return beam, part * span, sign * scale * largest
+    return beam, fraction * span, sign * scale * largest
 
 
-def whole_reach(part: float) -> float:
+def whole_reach(fraction: float) -> float:
     """Return the deflection, in spans, that draws two straight lines to `WHOLE_STRETCH` spans."""
-    a, b = part, 1.0 - part
+    a, b = fraction, 1.0 - fraction
     low, high = 0.0, WHOLE_STRETCH
     for _ in range(60):
         middle = 0.5 * (low + high)

@@ -69,10 +69,10 @@ class Hands(Session):
         super().move_hand(hand, place)
 
 
-def steps(way: float, speed: float) -> Iterator[float]:
+def steps(distance: float, speed: float) -> Iterator[float]:
     """How far a hand has come at each tick, mm."""
-    ticks = max(1, math.ceil(abs(way) / (speed * TICK_SECONDS)))
-    return (way * tick / ticks for tick in range(1, ticks + 1))
+    ticks = max(1, math.ceil(abs(distance) / (speed * TICK_SECONDS)))
+    return (distance * tick / ticks for tick in range(1, ticks + 1))
 
 
 def wait(seconds: float) -> Iterator[None]:
@@ -85,8 +85,8 @@ def go(hands: Hands, hand: int, to: Floats, speed: float) -> Iterator[None]:
     """Lead a hand straight to a place."""
     start = hands.duct.hands[hand].target.copy()
     far = float(np.linalg.norm(to - start))
-    for way in steps(far, speed):
-        hands.move_hand(hand, start + (to - start) * (way / far if far else 1.0))
+    for distance in steps(far, speed):
+        hands.move_hand(hand, start + (to - start) * (distance / far if far else 1.0))
         yield
 
 
@@ -103,14 +103,14 @@ def behind(hands: Hands, station: float, speed: float = 20.0) -> Iterator[None]:
 
 def opened(hands: Hands, most: float, speed: float) -> Iterator[None]:
     """Open the jaws at a speed, mm/s of their opening."""
-    for way in steps(most, speed):
-        hands.open_jaws(1, way)
+    for distance in steps(most, speed):
+        hands.open_jaws(1, distance)
         yield
 
 
-def lift(hands: Hands, way: Floats, speed: float, hand: int = 0) -> Iterator[None]:
+def lift(hands: Hands, distance: Floats, speed: float, hand: int = 0) -> Iterator[None]:
     """Lead a hand by some mm."""
-    yield from go(hands, hand, hands.duct.hands[hand].target + way, speed)
+    yield from go(hands, hand, hands.duct.hands[hand].target + distance, speed)
 
 
 def goal(exercise: Exercise) -> FreeLength:
@@ -173,8 +173,8 @@ def jump_in_steps(hands: Hands, exercise: Exercise, speed: float) -> Iterator[No
     yield from behind(hands, middle(exercise))
     for _ in range(4):
         start = hands.duct.hands[1].opening
-        for way in steps(8.0, speed):
-            hands.open_jaws(1, start + way)
+        for distance in steps(8.0, speed):
+            hands.open_jaws(1, start + distance)
             yield
         yield from wait(0.5)
 
@@ -183,9 +183,9 @@ def open_and_drag(hands: Hands, exercise: Exercise, speed: float) -> Iterator[No
     """Open the jaws slowly while they are dragged along faster."""
     yield from behind(hands, middle(exercise) - 10.0)
     start = hands.duct.hands[1].target.copy()
-    for way in steps(24.0, speed):
-        hands.move_hand(1, start + np.array([way, 0.0, 0.0]))
-        hands.open_jaws(1, 0.2 * way)
+    for distance in steps(24.0, speed):
+        hands.move_hand(1, start + np.array([distance, 0.0, 0.0]))
+        hands.open_jaws(1, 0.2 * distance)
         yield
 
 
@@ -271,8 +271,8 @@ def long_pull(lean: float = 0.0, back: float = 0.0) -> Make:
 
     def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         hands.grab(0, front(hands, exercise))
-        way = np.array([back, math.sin(lean), math.cos(lean)])
-        yield from lift(hands, 30.0 * way, speed)
+        distance = np.array([back, math.sin(lean), math.cos(lean)])
+        yield from lift(hands, 30.0 * distance, speed)
 
     return make
 
@@ -310,9 +310,9 @@ def two_hooks(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     hands.grab(0, at)
     hands.grab(1, at - 10.0)
     start = [each.target.copy() for each in hands.duct.hands]
-    for way in steps(20.0, speed):
+    for distance in steps(20.0, speed):
         for hand in range(2):
-            hands.move_hand(hand, start[hand] + np.array([0.0, 0.0, way]))
+            hands.move_hand(hand, start[hand] + np.array([0.0, 0.0, distance]))
         yield
 
 
@@ -354,9 +354,9 @@ def drop(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Let the duct down while the jaws open."""
     yield from behind(hands, goal(exercise).from_mm - 2.0 * JAW_RADIUS - 1.5)
     start = hands.duct.hands[0].target.copy()
-    for way in steps(40.0, 10.0):
-        hands.open_jaws(1, way)
-        hands.move_hand(0, start - np.array([0.0, 0.0, min(way * speed / 10.0, 4.5)]))
+    for distance in steps(40.0, 10.0):
+        hands.open_jaws(1, distance)
+        hands.move_hand(0, start - np.array([0.0, 0.0, min(distance * speed / 10.0, 4.5)]))
         yield
 
 
@@ -466,8 +466,8 @@ def good(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     if isinstance(technique, Follow):
         return
     for beside in (-10.0, 10.0):
-        for way in steps(40.0, 20.0):
-            hands.open_jaws(1, 40.0 - way)
+        for distance in steps(40.0, 20.0):
+            hands.open_jaws(1, 40.0 - distance)
             yield
         start = hands.duct.hands[1].target.copy()
         yield from go(hands, 1, start * [1.0, -1.0, 1.0], 20.0)

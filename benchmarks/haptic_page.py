@@ -126,8 +126,8 @@ def serve(where: Where, address: str | None) -> None:
     print(trainer.address, flush=True)
     for _ in sys.stdin:
         drawn = max(trainer.frames.values(), default=0)
-        told = {"ticks": trainer.timer.ticks, "missed": trainer.timer.missed, "drawn": drawn}
-        print(msgspec.json.encode(told).decode(), flush=True)
+        facts = {"ticks": trainer.timer.ticks, "missed": trainer.timer.missed, "drawn": drawn}
+        print(msgspec.json.encode(facts).decode(), flush=True)
     trainer.stop()
     print(msgspec.json.encode(made[0].report).decode(), flush=True)
 
@@ -147,11 +147,11 @@ def beside_page(
 
         def ask() -> tuple[float, dict[str, int]]:
             print(file=trainer.stdin, flush=True)
-            return time.monotonic(), msgspec.json.decode(told.readline())
+            return time.monotonic(), msgspec.json.decode(facts.readline())
 
-        told = trainer.stdout
+        facts = trainer.stdout
         try:
-            page.goto(f"{told.readline().strip()}/?fixedDpr=1")
+            page.goto(f"{facts.readline().strip()}/?fixedDpr=1")
             page.get_by_role("dialog").get_by_role("button", name="Start").click()
             asked = [ask()]
             start, anew = asked[0][0], NEW_DUCT
@@ -165,11 +165,11 @@ def beside_page(
                 asked.append(ask())
             pictures = float(page.evaluate("() => window.bdPictures"))
             trainer.stdin.close()
-            report = msgspec.json.decode(told.readline(), type=ServoReport | None)
+            report = msgspec.json.decode(facts.readline(), type=ServoReport | None)
         finally:
             trainer.terminate()
     times = np.array([when for when, _ in asked])
-    ticks, drawn = np.array([[told["ticks"], told["drawn"]] for _, told in asked]).T
+    ticks, drawn = np.array([[facts["ticks"], facts["drawn"]] for _, facts in asked]).T
     sent = np.diff(drawn) / np.diff(times)
     figures: dict[str, Any] = {
         "pictures the page drew a second": pictures,

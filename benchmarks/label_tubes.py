@@ -256,9 +256,9 @@ def held_out(seeds: range, sizes: tuple[float, float, float]) -> HeldOut:
             out.refused.append(f"{seed}: {error}")
             continue
         for name, rows in truth.items():
-            said = _tube_fault(found, name, rows)
-            out.tubes_found += not said
-            out.wrong += [f"{seed}: {name} {said}"] if said else []
+            fault = _tube_fault(found, name, rows)
+            out.tubes_found += not fault
+            out.wrong += [f"{seed}: {name} {fault}"] if fault else []
         away, wrong = _joins(found, joins, truth)
         out.joins_found += len(away)
         out.joins_near += sum(each < 1.0 for each in away)

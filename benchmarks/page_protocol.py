@@ -90,11 +90,15 @@ class Page:
         """Move the force slider."""
         await self._update(self._slider, force)
 
-    async def drag(self, way: tuple[float, float, float]) -> None:
+    async def drag(self, displacement: tuple[float, float, float]) -> None:
         """Lead the hand that holds the duct's middle to a place, mm from where it took hold."""
         start = CAMERA["look_at"]
         for phase in ("update",) if self._held else ("start", "update"):
-            end = start if phase == "start" else tuple(map(sum, zip(start, way, strict=True)))
+            end = (
+                start
+                if phase == "start"
+                else tuple(map(sum, zip(start, displacement, strict=True)))
+            )
             message: dict[str, Any] = {
                 "type": "SceneNodeDragMessage",
                 "phase": phase,

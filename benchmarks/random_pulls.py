@@ -126,8 +126,8 @@ def pulled_in_real_time(seed: int) -> float:
     tear, let_go = int(random.integers(5 * TICKS)), int(random.integers(3 * TICKS))
     for step in range(1, TICKS + 1):
         part = step / TICKS
-        for node, way in hooks.items():
-            live.lead(node, starts[node] + part * np.array(way))
+        for node, displacement in hooks.items():
+            live.lead(node, starts[node] + part * np.array(displacement))
         a, b, along = (*tips[:2], 2.0 * part) if part < 0.5 else (*tips[1:], 2.0 * part - 1.0)
         live.lead_rod(0, a + along * (b - a))
         if step == tear:
@@ -164,7 +164,7 @@ def main() -> None:
     ticked, balanced, first = words + [9000, 1000, 0][len(words) :]
     with ProcessPoolExecutor(cores(), get_context("spawn")) as pool:
         for name, count in zip(PLAYS, (ticked, balanced), strict=True):
-            began = said = time.monotonic()
+            began = reported = time.monotonic()
             fractions: dict[int, float] = {}
             lost = 0
             seeds = range(first, first + count)
@@ -177,13 +177,13 @@ def main() -> None:
                     lost += 1
                     print(f"{name}, seed {seed}: lost: {why}", flush=True)
                 now = time.monotonic()
-                if now - said > EVERY or not plays:
-                    said = now
+                if now - reported > EVERY or not plays:
+                    reported = now
                     print(summary(name, fractions, lost, now - began), flush=True)
             worst = sorted(fractions, key=lambda seed: -fractions[seed])[:5]
             if worst:
-                told = ", ".join(f"{seed} ({fractions[seed]:.1e})" for seed in worst)
-                print(f"{name}: the most unexplained energy in seeds {told}", flush=True)
+                worst_seeds = ", ".join(f"{seed} ({fractions[seed]:.1e})" for seed in worst)
+                print(f"{name}: the most unexplained energy in seeds {worst_seeds}", flush=True)
 
 
 def summary(name: str, fractions: dict[int, float], lost: int, seconds: float) -> str:

@@ -149,11 +149,11 @@ def _seconds(plan: Plan, folder: Path, *, workers: int) -> float:
 def _dask_cluster(folder: Path) -> Iterator[tuple[str, dict[str, psutil.Process]]]:
     """Give the address of a scheduler with two workers, a process each, and these by name."""
     file = folder / "scheduler.json"
-    told = ("--scheduler-file", str(file), "--no-dashboard")
+    options = ("--scheduler-file", str(file), "--no-dashboard")
     commands = {
-        "scheduler": ("scheduler", "--host", "127.0.0.1", "--port", "0", *told),
-        "worker_1": ("worker", "--nthreads", "1", "--no-nanny", *told),
-        "worker_2": ("worker", "--nthreads", "1", "--no-nanny", *told),
+        "scheduler": ("scheduler", "--host", "127.0.0.1", "--port", "0", *options),
+        "worker_1": ("worker", "--nthreads", "1", "--no-nanny", *options),
+        "worker_2": ("worker", "--nthreads", "1", "--no-nanny", *options),
     }
     client: Any = import_module("distributed").Client
     with ExitStack() as stack:

@@ -63,8 +63,8 @@ async def pulling(
         async def dissect() -> None:
             for step in itertools.count():
                 time_s = step * DRAG_SECONDS
-                way = (0.0, math.sin(2.0 * time_s), 2.0 + 1.5 * math.sin(3.0 * time_s))
-                await page.drag(way)
+                displacement = (0.0, math.sin(2.0 * time_s), 2.0 + 1.5 * math.sin(3.0 * time_s))
+                await page.drag(displacement)
                 await asyncio.sleep(DRAG_SECONDS)
 
         hand = asyncio.create_task(pull() if mode == "pull" else dissect())

@@ -210,10 +210,10 @@ def _check_layer(anatomy: Anatomy, layer: LayerTable, number: int) -> None:
             _check_range(value, name, named, "layer", number)
     bed = bed_presets()[layer.preset]
     yields = bed.yield_mm if layer.yield_mm is None else layer.yield_mm
-    parts = bed.failure_mm if layer.failure_mm is None else layer.failure_mm
-    if parts < yields:
+    failure = bed.failure_mm if layer.failure_mm is None else layer.failure_mm
+    if failure < yields:
         raise fault(
-            f"strands part at {parts:g} mm, before they yield at {yields:g} mm",
+            f"strands part at {failure:g} mm, before they yield at {yields:g} mm",
             "yield_mm" if layer.failure_mm is None else "failure_mm",
         )
     if layer.toward is not None:

@@ -84,12 +84,12 @@ def _merged(surfaces: list[Surface], suffix: str) -> bytes:
     ]
     union: Any = Manifold.batch_boolean(closed, OpType.Add).simplify(_SHORTEST_MM).to_mesh64()
     whole = trimesh.Trimesh(union.vert_properties[:, :3], union.tri_verts, process=False)
-    whole.vertices = _told_apart(whole)
+    whole.vertices = _distinguished(whole)
     content = whole.export(file_type=suffix.removeprefix("."))  # pyright: ignore[reportUnknownMemberType,reportUnknownVariableType,reportCallIssue]
     return content.encode() if isinstance(content, str) else bytes(content)  # pyright: ignore[reportUnknownArgumentType]
 
 
-def _told_apart(mesh: "trimesh.Trimesh") -> NDArray[np.float64]:
+def _distinguished(mesh: "trimesh.Trimesh") -> NDArray[np.float64]:
     """Return vertices of which no two are one in the 32 bits of a file: each moves a little."""
     # Such a pair, where surfaces nearly touch, would join them in a point.
     vertices = np.array(mesh.vertices, dtype=np.float64)

@@ -46,8 +46,8 @@ _ORIFICE_DEG = {
 _COMMON_WALL_MM = 1.0
 # The gallbladder runs up, to the right and a little to the front from its neck; its liver bed lies
 # above, right and in front of it, as in the atlas of docs/anatomy.md.
-_GALLBLADDER_WAY = np.array([0.62, 0.78, 0.05]) / math.hypot(0.62, 0.78, 0.05)
-_LIVER_WAY = (0.68, 0.60, 0.42)
+_GALLBLADDER_DIRECTION = np.array([0.62, 0.78, 0.05]) / math.hypot(0.62, 0.78, 0.05)
+_LIVER_DIRECTION = (0.68, 0.60, 0.42)
 # Of the gallbladder's largest radius, even along it; of its length, depth of its sag.
 _GALLBLADDER_RADII = (0.2, 0.55, 0.85, 1.0, 0.95, 0.6)
 _GALLBLADDER_SAG = (0.0, 1.0, 2.0, 2.5, 2.0, 1.0)
@@ -157,7 +157,7 @@ def _tried(case: Case, course: _Course) -> Anatomy:
     neck = cystic[-1]
     length, widest = sizes["gallbladder_length_mm"], 0.5 * sizes["gallbladder_diameter_mm"]
     fractions = np.linspace(0.0, 1.0, len(_GALLBLADDER_RADII))
-    body = neck + np.outer(fractions * length, _GALLBLADDER_WAY)
+    body = neck + np.outer(fractions * length, _GALLBLADDER_DIRECTION)
     body[:, 2] += _GALLBLADDER_SAG
     radii = [round(widest * fraction, 3) for fraction in _GALLBLADDER_RADII]
     radii[0] = round(max(1.2 * cystic_r, 1.8), 3)
@@ -355,6 +355,6 @@ def _layers(lines: dict[str, TubeLine], tissue: str) -> Iterator[LayerTable]:
     )  # fmt: skip
     yield LayerTable(
         tube="gallbladder", to="bed", strands=240, preset="firm", gap_mm=2.5, yield_mm=1.2,
-        failure_mm=3.2, slack_mm=0.6, toward=_LIVER_WAY, sheet="plate",
+        failure_mm=3.2, slack_mm=0.6, toward=_LIVER_DIRECTION, sheet="plate",
     )  # fmt: skip
     yield LayerTable(tube="rha", to="bed", strands=160, preset="firm", gap_mm=2.5)

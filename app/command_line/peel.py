@@ -115,8 +115,8 @@ def _highest(found: "History | TubeHistory", step: int, threshold: float) -> str
     """Return where the highest stress is after a step, and its part of the threshold."""
     assert found.stress is not None  # noqa: S101 (of a wall)
     assert found.highest_at is not None  # noqa: S101
-    part = 100.0 * float(found.stress[step]) / threshold
-    return f"{part:.2f} % of the threshold, at {float(found.highest_at[step]):.6g} mm"
+    percent = 100.0 * float(found.stress[step]) / threshold
+    return f"{percent:.2f} % of the threshold, at {float(found.highest_at[step]):.6g} mm"
 
 
 def _words(row: object) -> str:

@@ -106,7 +106,7 @@ class PullExport(OrganExport):
         parted = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
         for elapsed in recoil_times(run_step).tolist():
             transforms = dissection.rest_transforms()
-            dissection.move(at_break, transforms, part=tear_swing(elapsed))
+            dissection.move(at_break, transforms, fraction=tear_swing(elapsed))
             front = tear_front(elapsed)
             reading = tearing if front < 1.0 else parted
             keys.append(MotionKey(last.time + elapsed, transforms, reading, front))

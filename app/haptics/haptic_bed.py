@@ -292,13 +292,13 @@ class HapticBed:
 
     def _lead_touch(self) -> None:
         """Move the other hand's hook and rods a step towards where they go."""
-        touch, beam, part = self._touch, self.beam, 1.0 / self._touch_steps
+        touch, beam, fraction = self._touch, self.beam, 1.0 / self._touch_steps
         self._touch_steps -= 1
         if touch is None:
             return
         if self._touched is not None:
             now = beam.state.goal[self._touched]
-            beam.lead(self._touched, now + part * (touch.place - now))
+            beam.lead(self._touched, now + fraction * (touch.place - now))
         for rod in touch.rods:
             now = beam.state.rods[rod.number, :3]
-            beam.lead_rod(rod.number, now + part * (rod.tip - now))
+            beam.lead_rod(rod.number, now + fraction * (rod.tip - now))

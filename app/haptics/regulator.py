@@ -102,9 +102,9 @@ def regulate(
         for j in range(3):
             difference = shrink * old_rest[h, j] - given[h, j]
             change += difference * difference
-        part = slew / math.sqrt(change) if change > slew * slew and live else 1.0
+        fraction = slew / math.sqrt(change) if change > slew * slew and live else 1.0
         for j in range(3):
-            given[h, j] += part * (shrink * old_rest[h, j] - given[h, j])
+            given[h, j] += fraction * (shrink * old_rest[h, j] - given[h, j])
             old_rest[h, j] = given[h, j] + pulled[h, j] - old_brake[h, j]
             old_model[h, j] = -pulled[h, j]
             last[h, j] = places[h, j]

@@ -105,12 +105,12 @@ def _lead(
 
 
 @njit(cache=True, nogil=True)
-def _stride(motion: Array, part: float) -> None:
+def _stride(motion: Array, fraction: float) -> None:
     """Fill an interpolated place, at the end the target itself to the bit."""
     for h in range(motion.shape[1]):
         for j in range(3):
             before, led = motion[LED_BEFORE, h, j], motion[LED, h, j]
-            motion[LED_NOW, h, j] = led if part == 1.0 else before + part * (led - before)
+            motion[LED_NOW, h, j] = led if fraction == 1.0 else before + fraction * (led - before)
 
 
 @njit(cache=True, nogil=True)

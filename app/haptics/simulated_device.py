@@ -45,11 +45,11 @@ def _plan(times: Array, places: Array, period: float, time: float, at: Array, sp
         return count - 1
     seconds = times[i] - times[i - 1]
     u = (time - times[i - 1]) / seconds
-    part = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+    fraction = u * u * u * (10.0 + u * (6.0 * u - 15.0))
     rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / seconds
     for j in range(3):
         displacement = places[i, j] - places[i - 1, j]
-        at[j] = places[i - 1, j] + part * displacement
+        at[j] = places[i - 1, j] + fraction * displacement
         speed[j] = rate * displacement
     return i - 1
 

@@ -165,9 +165,11 @@ def _draw(
                 if h < 0.0 or a <= 1e-12 * long:
                     continue
                 t = (-b - math.sqrt(h)) / a
-                part = from_a + t * along
-                if part <= 0.0 or part >= long:  # a round end
-                    ex, ey, ez, part = (ax, ay, az, 0.0) if part <= 0.0 else (bx, by, bz, long)
+                along_axis = from_a + t * along
+                if along_axis <= 0.0 or along_axis >= long:  # a round end
+                    ex, ey, ez, along_axis = (
+                        (ax, ay, az, 0.0) if along_axis <= 0.0 else (bx, by, bz, long)
+                    )
                     b = ex * x + ey * y + ez * z
                     h = b * b - (ex * ex + ey * ey + ez * ez - r * r)
                     if h < 0.0:
@@ -176,7 +178,7 @@ def _draw(
                 if t >= depth[i, j]:
                     continue
                 depth[i, j] = t
-                u = part / long if long > 0.0 else 0.0
+                u = along_axis / long if long > 0.0 else 0.0
                 nx, ny, nz = t * x - ax - u * dx, t * y - ay - u * dy, t * z - az - u * dz
                 light = 0.2 + 0.8 * max(0.0, -(nx * x + ny * y + nz * z) / r)
                 for c in range(3):

@@ -170,13 +170,13 @@ class Dissection:
         return np.zeros((self.driving.stations.size, 3, 4))
 
     def move(
-        self, pulled: Equilibrium, out: NDArray[np.float64], *, part: float = 1.0
+        self, pulled: Equilibrium, out: NDArray[np.float64], *, fraction: float = 1.0
     ) -> NDArray[np.float64]:
         """Write to `out` the transforms for a part of a displacement: 1 as pulled, 0 at rest."""
         return self.driving.transforms(
-            part * (pulled.along - pulled.stations),
-            part * pulled.across,
-            part * pulled.rotation,
+            fraction * (pulled.along - pulled.stations),
+            fraction * pulled.across,
+            fraction * pulled.rotation,
             self.frame,
             out,
         )

@@ -93,7 +93,7 @@ class DissectionMeasureTaker:
         self.ticks = 0
         self.peak = self.peak_station = 0.0
         self.instrument_force = 0.0
-        self.soonest = math.inf
+        self.min_time_to_break = math.inf
         self._fractions = (0.0,) * RATE_TICKS  # newest first
         self._above_half = 0
         # Hands that last did so; `_acting`: hold the duct or press on it.
@@ -145,7 +145,7 @@ class DissectionMeasureTaker:
         self._above_half += ratio > 0.5
         growth = (ratio - self._fractions[-1]) / RATE_SECONDS
         if growth > 0.0:
-            self.soonest = min(self.soonest, max(1.0 - ratio, 0.0) / growth)
+            self.min_time_to_break = min(self.min_time_to_break, max(1.0 - ratio, 0.0) / growth)
         self._fractions = (ratio, *self._fractions[:-1])
         self._torn = duct.torn
         forces: list[list[float]] = duct.forces.tolist()
@@ -195,8 +195,8 @@ class DissectionMeasureTaker:
         for work, hands in ((held, self._holding), (swept, self._sweeping)):
             total = sum(fractions[i] for i in hands)
             for i in hands:
-                part = fractions[i] / total if total > 0.0 else 1.0 / len(hands)
-                self._work[i] += part * work
+                weight = fractions[i] / total if total > 0.0 else 1.0 / len(hands)
+                self._work[i] += weight * work
 
     def _take_broken(self) -> None:
         """Count the strands that parted in this tick: whose they are, whether they were seen."""
@@ -297,7 +297,9 @@ class DissectionMeasureTaker:
             peak_stress_station_mm=self.peak_station,
             smallest_distance_to_break=1.0 - self.peak,
             time_above_half_s=self._above_half * TICK_SECONDS,
-            shortest_time_to_break_s=None if self.soonest == math.inf else self.soonest,
+            shortest_time_to_break_s=None
+            if self.min_time_to_break == math.inf
+            else self.min_time_to_break,
             work_mJ=(self._work[0], self._work[1]),
             strand_energy_mJ=self._dissipated,
             duct_energy_mJ=self._duct_energy,

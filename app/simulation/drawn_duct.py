@@ -83,8 +83,8 @@ class DrawnDuct:
 
     def draw(self, driven: Equilibrium, tear: Tear | None) -> None:
         """Write the surfaces' vertices for a displaced beam and the opening of a tear."""
-        part = 1.0 if tear is None else tear.swing
-        self._dissection.move(driven, self.transforms, part=part)
+        scale = 1.0 if tear is None else tear.swing
+        self._dissection.move(driven, self.transforms, fraction=scale)
         for surface, bound in zip(self.surfaces, self._bound, strict=True):
             bound.deform(self.transforms, surface.vertices)
         if tear is not None:
@@ -112,8 +112,8 @@ class DrawnDuct:
         surface: int = 0,
     ) -> NDArray[np.float32]:
         """Write the stress along the organ, MPa, at each vertex of a surface."""
-        part = 1.0 if tear is None else tear.stress_left
-        return self._stress_of(surface).write(pulled, out, part=part)
+        scale = 1.0 if tear is None else tear.stress_left
+        return self._stress_of(surface).write(pulled, out, scale=scale)
 
     def write_bed_stress(
         self,
@@ -187,10 +187,10 @@ class SurfaceStress:
         return out
 
     def write(
-        self, pulled: Equilibrium, out: NDArray[np.float32], *, part: float = 1.0
+        self, pulled: Equilibrium, out: NDArray[np.float32], *, scale: float = 1.0
     ) -> NDArray[np.float32]:
-        """Write the stress at each vertex, times `part`."""
-        self._write_parts(pulled, pulled.normal_stress, pulled.bending_stress, part, out)
+        """Write the stress at each vertex, times `scale`."""
+        self._write_parts(pulled, pulled.normal_stress, pulled.bending_stress, scale, out)
         return out
 
     def at(self, pulled: Equilibrium, threshold: float) -> Stresses:
@@ -220,7 +220,7 @@ class SurfaceStress:
         pulled: Equilibrium,
         normal: NDArray[np.float64],
         bending: NDArray[np.float64],
-        part: float,
+        scale: float,
         out: NDArray[np.float32],
     ) -> None:
         self._bind(pulled.stations)
@@ -233,7 +233,7 @@ class SurfaceStress:
             self._weight,
             self._fraction,
             self._free,
-            part,
+            scale,
             out,
         )
 
@@ -278,7 +278,7 @@ def _write(
     weight: NDArray[np.float64],
     fraction: NDArray[np.float64],
     free: NDArray[np.bool_],
-    part: float,
+    scale: float,
     out: NDArray[np.float32],
 ) -> None:
     for v in range(out.shape[0]):
@@ -289,7 +289,7 @@ def _write(
         # A moment above zero stretches the side away from the pull.
         low = normal[i] - fraction[v] * np.sign(moment[i]) * bending[i]
         high = normal[j] - fraction[v] * np.sign(moment[j]) * bending[j]
-        out[v] = part * (low + w * (high - low))
+        out[v] = scale * (low + w * (high - low))
 
 
 @njit(cache=True, nogil=True)
@@ -309,7 +309,7 @@ def _write_in_space(
         e, w = element[v], weight[v]
         total = 0.0
         for end in range(2):
-            part = w if end else 1.0 - w
+            scale = w if end else 1.0 - w
             bending = up[v] * stresses[e, end, 1] - across[v] * stresses[e, end, 2]
-            total += part * (stresses[e, end, 0] + bending)
+            total += scale * (stresses[e, end, 0] + bending)
         out[v] = total

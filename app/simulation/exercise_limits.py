@@ -2,7 +2,7 @@
 
 A free duct's follow from where it breaks. In a bed good hands (`app.simulation.scripted_hands`) do
 each exercise beforehand, with strands of even strength: what they need, with `SPARE` on top, is the
-limit. In the window they hardly load the duct; there the limit is `WINDOW_PART` of what pulling it
+limit. In the window they hardly load the duct; there the limit is `WINDOW_RATIO` of what pulling it
 off takes. The bed's seed is the first one with which good hands pass. Errors fail an exercise too:
 it is not to be passed by what it does not teach.
 """
@@ -25,13 +25,13 @@ from app.simulation.run_file import anatomy_or_name
 from app.simulation.safety import Safety
 from app.simulation.scripted_hands import MANNERS, Lift, Technique, perform
 from app.simulation.session import Session
-from app.simulation.spatial_tissue import FREED_PART, SpatialTissue
+from app.simulation.spatial_tissue import FREED_FRACTION, SpatialTissue
 from app.simulation.specimen import Specimen
 
 __all__ = ["exercises_offered"]
 
 # Deflection to hold, and its tolerance, over the deflection at break.
-HOLD_PART, HOLD_TOLERANCE = 0.6, 0.05
+HOLD_FRACTION, HOLD_TOLERANCE = 0.6, 0.05
 HOLD_SECONDS = 3.0
 HOLD_FORCE = 1.1
 """Force limit over the largest that the hold needs."""
@@ -40,21 +40,21 @@ STAY_SECONDS = 1.0
 # Factors of safety, strength over stress: to work at, and never to go below.
 WORKING_SAFETY, LEAST_SAFETY = 2.0, 1.5
 # Half width of the working band, over the deflection at its middle.
-BAND_PART = 0.08
+BAND_FRACTION = 0.08
 # Deflection at which the duct counts as led back, over that at the band's middle.
-SLACK_PART = 0.25
+SLACK_FRACTION = 0.25
 LIFTS, LIFT_SECONDS = 3, 1.0
 
 SPARE_FORCE = 1.5
 """Limits of the stress (`ExerciseKind.spare`) and of an instrument's force, over what good hands
 need in an even bed: about four standard deviations over beds of 20 seeds, and the strongest place
 of a scattered bed asks for more than an even one (docs/measures.md)."""
-WINDOW_PART = 1.0 / 3.0
+WINDOW_RATIO = 1.0 / 3.0
 # Lengths over the span: of the window to be freed, of a divided duct's free end, and of what is to
 # be freed from there on.
 WINDOW_FRACTION, OPENED_FRACTION, FOLLOW_FRACTION = 0.25, 0.12, 0.6
 # Strands that may tear out of sight, of those to be parted.
-HIDDEN_PART = 0.1
+HIDDEN_FRACTION = 0.1
 LOOSEST = 0.95
 """An exercise whose limit of stress comes out above this part of the break is not offered."""
 MOST_SEEDS = 20
@@ -118,11 +118,11 @@ def _of_free_duct(duct: GraspedBeam) -> tuple[Exercise, ...]:
     if event is None or working is None or most is None:
         return ()
     deflections, forces = duct.curve(60)
-    low, held = (HOLD_PART + sign * HOLD_TOLERANCE for sign in (-1.0, 1.0))
+    low, held = (HOLD_FRACTION + sign * HOLD_TOLERANCE for sign in (-1.0, 1.0))
     low, held = low * event.deflection, held * event.deflection
     needed = float(np.interp(held, deflections, forces))
     middle = working.deflection
-    high = (1.0 + BAND_PART) * middle
+    high = (1.0 + BAND_FRACTION) * middle
     # At this rate the largest allowed force would grow to the break within a reaction time.
     rate = (event.force - most.force) / REACTION_SECONDS
     return (
@@ -135,8 +135,8 @@ def _of_free_duct(duct: GraspedBeam) -> tuple[Exercise, ...]:
         _exercise(
             "gentle_lifts",
             Stay(
-                "deflection_mm", (1.0 - BAND_PART) * middle, high, LIFT_SECONDS,
-                repeats=LIFTS, return_below=SLACK_PART * middle,
+                "deflection_mm", (1.0 - BAND_FRACTION) * middle, high, LIFT_SECONDS,
+                repeats=LIFTS, return_below=SLACK_FRACTION * middle,
             ),
             [
                 Limit("maximum_force_N", most.force),
@@ -186,10 +186,10 @@ def _offered(specimen: Specimen, name: str) -> Exercise | None:
     ratio = kind.spare * needed["peak_stress_ratio"]
     if name == "window":
         _passes(session, even, Lift())
-        ratio = max(ratio, WINDOW_PART * session.metrics()["peak_stress_ratio"])
+        ratio = max(ratio, WINDOW_RATIO * session.metrics()["peak_stress_ratio"])
     if ratio > LOOSEST:
         return None
-    hidden = round(HIDDEN_PART * session.spatial.beam.strands.count / span * goal.length_mm)
+    hidden = round(HIDDEN_FRACTION * session.spatial.beam.strands.count / span * goal.length_mm)
     limits = [Limit("peak_stress_ratio", ratio), Limit("strands_broken_out_of_sight", hidden)]
     if name == "free_scar":
         force = SPARE_FORCE * needed["maximum_instrument_force_N"]
@@ -206,7 +206,7 @@ def _goal(span: float, name: str, bed: BedPreset) -> tuple[FreeLength, tuple[flo
     if name == "free_scar":
         assert bed.patch is not None  # noqa: S101 (the caller has looked)
         a, b = bed.patch.from_fraction * span, bed.patch.to_fraction * span
-        return FreeLength(FREED_PART * (b - a), a, b), None
+        return FreeLength(FREED_FRACTION * (b - a), a, b), None
     return FreeLength(WINDOW_FRACTION * span, 0.0, span, one_stretch=True), None
 
 

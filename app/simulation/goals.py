@@ -160,10 +160,10 @@ class _Staying:
         if self._done == goal.repeats:
             self.progress, self.standing, self.so_far = 1.0, "", ""
             return
-        part = 0.5 * self._near + 0.5 * self._ticks / self._wanted
+        fraction = 0.5 * self._near + 0.5 * self._ticks / self._wanted
         if goal.return_below is not None:
-            part *= 0.8
-        self.progress = (self._done + part) / goal.repeats
+            fraction *= 0.8
+        self.progress = (self._done + fraction) / goal.repeats
         seconds = (self._wanted - self._ticks) * TICK_SECONDS
         if self._back:
             what = "lead it back"

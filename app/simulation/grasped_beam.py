@@ -114,10 +114,10 @@ class GraspedBeam:
             self._breaks_at, self._break_known = self.load_at(1.0), True
         return self._breaks_at
 
-    def load_at(self, part: float) -> BreakEvent | None:
+    def load_at(self, fraction: float) -> BreakEvent | None:
         """Return the load at a stress of `part` thresholds; None where the theory ends before."""
         beam = self.model.dissection.beam
-        return break_of(self.model.theory.pull(beam, self.grasp), part * self.threshold)
+        return break_of(self.model.theory.pull(beam, self.grasp), fraction * self.threshold)
 
     @property
     def deflection_limit(self) -> float:
@@ -132,11 +132,11 @@ class GraspedBeam:
         """Height of the axis at the grasp at rest, mm along the pull."""
         return self._rest[2]
 
-    def hook(self, part: float = 1.0) -> tuple[float, float, float]:
+    def hook(self, fraction: float = 1.0) -> tuple[float, float, float]:
         """Return where the axis at the grasp is, by a part of the way (`Reading.hook`)."""
         x, y, z = self._rest
         slide = float(self.pulled.along[self._grasped]) - self.grasp
-        return x + part * slide, y, z + part * self.pulled.deflection
+        return x + fraction * slide, y, z + fraction * self.pulled.deflection
 
     def deflection_at(self, station: float) -> float:
         """Return the displacement of the axis along the pull at a station, both in mm."""

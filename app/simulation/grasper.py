@@ -25,7 +25,7 @@ SPRING_RATE = 30.0
 # Of the spring-back: undamped angular frequency, rad/s, and fraction of critical damping.
 SPRING_DAMPING = 0.5
 # A spring-back ends when its amplitude falls below this part of its start: no longer visible.
-STILL_PART = 1e-3
+STILL_FRACTION = 1e-3
 ARRIVED_MM, ARRIVED_MM_PER_S = 1e-4, 1e-2
 """A hand nearer to its target and slower than this has arrived; then nothing is solved any more."""
 
@@ -130,7 +130,7 @@ class Grasper:
             return False
         self.mode, self.target_force = "free", 0.0
         self.target_deflection = self.speed = 0.0
-        self._still = max(STILL_PART * abs(self.deflection), ARRIVED_MM)
+        self._still = max(STILL_FRACTION * abs(self.deflection), ARRIVED_MM)
         return True
 
     def advance(self, force_per_second: float) -> Load:

@@ -53,7 +53,7 @@ LIMITS: dict[str, tuple[float, float, str]] = {
 }
 """Smallest and largest value and unit of each number of a preset."""
 
-PART = 0.90
+BAND = 0.90
 """Of the ducts, between the ends of a band."""
 # Factors where a preset states none: those of assets/study_plan.toml.
 ASSUMED = 1.5, 1.3
@@ -218,7 +218,7 @@ class Spread:
 
     def band(self, distance: float) -> tuple[float, float]:
         """Return the distances to break between which nine of ten ducts are; 0 is torn."""
-        reach = math.exp(NormalDist().inv_cdf(0.5 + 0.5 * PART) * self._deviation)
+        reach = math.exp(NormalDist().inv_cdf(0.5 + 0.5 * BAND) * self._deviation)
         used = 1.0 - distance
         return max(0.0, 1.0 - used * reach), max(0.0, 1.0 - used / reach)
 

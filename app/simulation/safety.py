@@ -29,7 +29,7 @@ STRUCTURE_MM = 6.0
 """Length of each structure, next to the gallbladder, that must be free all round."""
 MARGIN_MM = 2.0
 """mm by which the triangle of the axes is wider."""
-LOWER_PART = 1.0 / 3.0
+LOWER_FRACTION = 1.0 / 3.0
 BIN_MM = 1.0
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 ALONG_MM = 10.0
@@ -119,7 +119,7 @@ class Safety:
         self._plate = (
             (holder == bladder)
             & (foot < 0)
-            & (strands.stations <= LOWER_PART * tubes[self.gallbladder].span)
+            & (strands.stations <= LOWER_FRACTION * tubes[self.gallbladder].span)
         )
         self._triangle = self._inside(anatomy)
         self._all = {name: on(name, 0.0, tube.span) for name, tube in tubes.items()}

@@ -151,7 +151,7 @@ class Reach:
                     session.grab(0, session.task_grasp)
                     held = 0.0
                 angle = 2.0 * math.pi * session.run.seconds
-                off = sum(part * math.sin(angle * rate) for part, rate in self.sway)
+                off = sum(amplitude * math.sin(angle * rate) for amplitude, rate in self.sway)
                 session.lift(reached + off * middle)
                 yield
             wanted = to
@@ -240,5 +240,5 @@ def _minimum_jerk(start: float, goal: float, seconds: float) -> list[float]:
     # Long enough for the peak speed to stay below that of a hand.
     least = PEAK_SPEED * abs(goal - start) / HAND_SPEED if seconds > 0.0 else 0.0
     ticks = math.ceil(max(seconds, least) / TICK_SECONDS - 1e-9)
-    parts = [tick / ticks for tick in range(1, ticks + 1)]
-    return [start + (goal - start) * s**3 * (10.0 - 15.0 * s + 6.0 * s * s) for s in parts]
+    fractions = [tick / ticks for tick in range(1, ticks + 1)]
+    return [start + (goal - start) * s**3 * (10.0 - 15.0 * s + 6.0 * s * s) for s in fractions]

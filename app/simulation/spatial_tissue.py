@@ -107,13 +107,13 @@ REACH = 60.0
 GAP_MM = 3.0  # between a free duct and where an empty dissector waits below it
 # Smallest and largest threshold, in thresholds of the preset.
 THRESHOLD_RANGE = (0.25, 2.0)
-BIN_MM, FREED_PART = 1.0, 0.95
+BIN_MM, FREED_FRACTION = 1.0, 0.95
 """mm, and the part of a bin's strands that must have parted for its stretch to be free."""
 # A tick in which no node moves farther has reached equilibrium: no strand yields any more.
 STILL_MM = 1e-6
 # Tissue that relaxes does so for minutes: it is left as it is once no node moves farther, and its
 # stress changes by no more of the strength.
-RELAXED_MM, RELAXED_PART = 1e-5, 1e-6
+RELAXED_MM, RELAXED_FRACTION = 1e-5, 1e-6
 
 
 class Rod(NamedTuple):
@@ -399,9 +399,9 @@ class SpatialTissue:
             fifths = stations[:-1] + np.arange(5)[:, None] / 5.0 * np.diff(stations)
             fine = np.append(np.sort(fifths.ravel()), stations[-1])
             line = beam.places_at(fine, name)
-            way = line - holder.place
-            deep = (way * aim).sum(axis=1)
-            off = np.sqrt(((way - deep[:, None] * aim) ** 2).sum(axis=1))
+            offset = line - holder.place
+            deep = (offset * aim).sum(axis=1)
+            off = np.sqrt(((offset - deep[:, None] * aim) ** 2).sum(axis=1))
             at = int(off.argmin())
             radius = float(np.interp(fine[at : at + 1], rest.stations, rest.radius)[0])
             if off[at] + radius <= half and deep[at] >= radius:
@@ -610,7 +610,7 @@ class SpatialTissue:
         if broken != self.broken:
             self.broken, self.freed = broken, beam.freed
         self._take_stresses()
-        if relaxes and abs(self.stress_ratio - before) > RELAXED_PART:
+        if relaxes and abs(self.stress_ratio - before) > RELAXED_FRACTION:
             self._still = False
         return True
 
@@ -672,10 +672,10 @@ class SpatialTissue:
                 continue
             if holder.node is not None and holder.tube == tube:
                 return hand
-            ways = [at - tip for _, tip in self._tips(hand)] or [at - holder.place]
-            for way in ways:
-                along = max(float((way * holder.aim).sum()), 0.0)
-                away = way - along * np.array(holder.aim)
+            offsets = [at - tip for _, tip in self._tips(hand)] or [at - holder.place]
+            for offset in offsets:
+                along = max(float((offset * holder.aim).sum()), 0.0)
+                away = offset - along * np.array(holder.aim)
                 square = float((away**2).sum())
                 if square < nearest:
                     found, nearest = hand, square
@@ -932,7 +932,7 @@ class SpatialTissue:
 
     def freed_stretches(self, tube: int = 0) -> list[tuple[float, float]]:
         """Return the stretches of a tube that are free, mm from its first end to mm, in order."""
-        # Free is a bin of about `BIN_MM` of whose strands at least `FREED_PART` have parted.
+        # Free is a bin of about `BIN_MM` of whose strands at least `FREED_FRACTION` have parted.
         span, surface = self.tubes.dissections[tube].beam.span, self.tubes.surfaces[tube]
         bins = max(1, round(span / BIN_MM))
         length = self.tubes.network.tubes[self.tubes.names[tube]].span
@@ -940,7 +940,7 @@ class SpatialTissue:
         place = np.minimum(place, bins - 1)
         damage = self.beam.damage[self.tubes.strands_of[tube]]
         whole = np.bincount(place, damage < 1.0, minlength=bins)
-        most = (1.0 - FREED_PART) * np.bincount(place, minlength=bins)
+        most = (1.0 - FREED_FRACTION) * np.bincount(place, minlength=bins)
         free = np.concatenate([[False], whole <= most, [False]])
         edges = np.flatnonzero(free[1:] != free[:-1]) * (span / bins)
         return [(float(a), float(b)) for a, b in edges.reshape(-1, 2)]

@@ -24,16 +24,16 @@ class Trocar:
 
     def within(self, tip: Floats) -> Floats:
         """Return the place nearest to a tip's, along its shaft, that the instrument reaches."""
-        inside, depth = self._way(tip)
+        inside, depth = self._axis(tip)
         return self.place + min(max(depth, SHALLOWEST), DEEPEST) * inside
 
     def shaft(self, tip: Floats) -> Floats:
         """(3,) the direction from a tip back along its shaft."""
-        return -self._way(tip)[0]
+        return -self._axis(tip)[0]
 
     def handle(self, tip: Floats) -> Floats:
         """(3,) where the handle is, mm."""
-        inside, depth = self._way(tip)
+        inside, depth = self._axis(tip)
         return self.place - (LENGTH - depth) * inside
 
     def tip(self, handle: Floats) -> Floats:
@@ -45,15 +45,15 @@ class Trocar:
     def led_by_handle(self, tip: Floats, move: Floats) -> Floats:
         """Return where a tip comes to by a move of the handle that is so long, mm, at the tip."""
         # Across the shaft the fulcrum reverses it; along the shaft it does not.
-        inside, depth = self._way(tip)
+        inside, depth = self._axis(tip)
         along = float((move * inside).sum()) * inside
         scale = (LENGTH - depth) / depth
         return self.within(self.tip(self.handle(tip) + along + scale * (move - along)))
 
-    def _way(self, tip: Floats) -> tuple[Floats, float]:
-        way = tip - self.place
-        depth = math.sqrt(float((way * way).sum()))
-        return way / depth, depth
+    def _axis(self, tip: Floats) -> tuple[Floats, float]:
+        offset = tip - self.place
+        depth = math.sqrt(float((offset * offset).sum()))
+        return offset / depth, depth
 
 
 TROCARS = (Trocar(np.array([-40.0, 150.0, 150.0])), Trocar(np.array([85.0, -70.0, 190.0])))

@@ -131,8 +131,8 @@ def _pull(numbers: dict[str, float]) -> Step:
         for name, otherwise in (("azimuth_deg", 0.0), ("elevation_deg", 90.0))
     )
     far, level = numbers["pull_mm"], math.cos(elevation)
-    way = level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)
-    x, y, z = (far * each for each in way)
+    direction = level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)
+    x, y, z = (far * each for each in direction)
     return Step(
         do="lead", by_mm=(x, y, z), speed_mm_s=numbers.get("speed_mm_s", SPEED), stop_at=1.0
     )

@@ -39,7 +39,7 @@ Outputs = dict[str, Row]
 """(N,) rows by name; nan where there is none."""
 
 # A grasp is this part of the span from a clamp at least.
-FIRST_PART = 1e-9
+FIRST_FRACTION = 1e-9
 
 
 class Block:
@@ -211,7 +211,7 @@ def round_ducts(preset: Preset, block: Block) -> tuple[Ducts, dict[int, str]]:
 def _grasps(block: Block, span: Row) -> tuple[Row, dict[int, str]]:
     grasp = block.number("grasp_fraction", 0.5) * span
     grasp = block.numbers.get("grasp_mm", grasp)
-    wrong = ~((grasp > FIRST_PART * span) & (grasp < (1.0 - FIRST_PART) * span))
+    wrong = ~((grasp > FIRST_FRACTION * span) & (grasp < (1.0 - FIRST_FRACTION) * span))
     unsound = {
         int(i): f"a grasp at {grasp[i]:.4g} mm is not between clamps {span[i]:.4g} mm apart"
         for i in np.flatnonzero(wrong)

@@ -227,9 +227,9 @@ def kendall(degrees: int, stretching: float) -> BedCheck:
     beam = _beam(span, 260, (stretching, 50.0, 1.5), ends=("clamped", "free"))
     bed = Bed(to_mm=span - arm, strands=500, stiffness=0.3, toughness=toughness, floor=2.0, gap=0.5)
     stretch = 1.0 + peel_force(angle, toughness, stretching) / stretching
-    parts = np.linspace(0.0, 1.0, 13)
-    reach = arm * (1.0 + (stretch - 1.0) * parts)
-    x, z = reach * np.cos(angle * parts) - arm, reach * np.sin(angle * parts)
+    fractions = np.linspace(0.0, 1.0, 13)
+    reach = arm * (1.0 + (stretch - 1.0) * fractions)
+    x, z = reach * np.cos(angle * fractions) - arm, reach * np.sin(angle * fractions)
     run = 40.0  # mm of the front
     x = np.append(x, x[-1] + run * (stretch * math.cos(angle) - 1.0))
     z = np.append(z, z[-1] + run * stretch * math.sin(angle))

@@ -90,36 +90,38 @@ def centreline(tube: Tube) -> Centreline:
     inside = tube.inside > 0
     if np.count_nonzero(inside) < 2:
         raise NoTube("there are fewer than two voxels of it")
-    way = minimal_path(inside, tube.sizes)
-    stations, radius = arc_lengths(way.points), float(np.median(way.depths))
+    path = minimal_path(inside, tube.sizes)
+    stations, radius = arc_lengths(path.points), float(np.median(path.depths))
     length = float(stations[-1])
-    # The way's ends run from the middle to the surface's furthest voxels.
+    # The path's ends run from the middle to the surface's furthest voxels.
     kept = (stations >= radius) & (stations <= length - radius)
-    thick = 2.0 * float(way.depths.max())
+    thick = 2.0 * float(path.depths.max())
     if length < _LONG_AND_THIN * thick or np.count_nonzero(kept) < 5:
         raise NoTube(f"it is {length:.4g} long and {thick:.4g} thick, and must be long and thin")
     gap = max(_POINT_FRACTION * radius, float(tube.sizes.min()))
-    start = smooth_points(evenly_spaced(way.points[kept], gap), round(SMOOTH_RADII * radius / gap))
+    start = smooth_points(evenly_spaced(path.points[kept], gap), round(SMOOTH_RADII * radius / gap))
     points = start
     for _ in range(_ROUNDS):
-        points = evenly_spaced(_moved_to_middle(tube, way, points, radius, gap), gap)
+        points = evenly_spaced(_moved_to_middle(tube, path, points, radius, gap), gap)
         points = smooth_points(points, round(SMOOTH_RADII * radius / gap))
     if arc_lengths(points)[-1] > _LONGEST_GROWTH * arc_lengths(start)[-1]:
         points = start
     if points[0, 2] > points[-1, 2]:
         points = points[::-1]
-    ends = [_to_the_end(inside, tube.sizes, points[::way], gap, radius)[::-way] for way in (1, -1)]
+    ends = [
+        _to_the_end(inside, tube.sizes, points[::path], gap, radius)[::-path] for path in (1, -1)
+    ]
     points = np.concatenate([ends[0], points, ends[1]])
-    return Centreline(points, _nearest(way, points)[1], radius)
+    return Centreline(points, _nearest(path, points)[1], radius)
 
 
 def _moved_to_middle(
-    tube: Tube, way: MinimalPath, points: NDArray[np.float64], radius: float, gap: float
+    tube: Tube, path: MinimalPath, points: NDArray[np.float64], radius: float, gap: float
 ) -> NDArray[np.float64]:
     """Return each point moved to the centroid of the section across the line there."""
     tangents = smooth_tangents(points, round(TANGENT_RADII * radius / gap))
     frames = rotation_minimising_frames(points, tangents, _ALONG_ROWS)
-    nearest, depths = _nearest(way, points)
+    nearest, depths = _nearest(path, points)
     middles = points.copy()
     for index, (point, frame) in enumerate(zip(points, frames, strict=True)):
         section, _ = tube.section(point, frame, float(depths[index]))
@@ -132,11 +134,11 @@ def _moved_to_middle(
 
 
 def _nearest(
-    way: MinimalPath, points: NDArray[np.float64]
+    path: MinimalPath, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (N, 3) points of a path nearest to others, and its (N,) depths there, mm."""
-    nearest = np.array([((way.points - point) ** 2).sum(axis=1).argmin() for point in points])
-    return way.points[nearest], way.depths[nearest]
+    nearest = np.array([((path.points - point) ** 2).sum(axis=1).argmin() for point in points])
+    return path.points[nearest], path.depths[nearest]
 
 
 def _to_the_end(

@@ -25,7 +25,7 @@ from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_stack import ImageStack
 
 # A part of the organ in an image counts beside the largest from this share of its area.
-PART_FRACTION = 0.1
+PIECE_FRACTION = 0.1
 # Voxels around the organ that are kept, so that its edge can be interpolated.
 _MARGIN = 4
 
@@ -78,7 +78,7 @@ def organ_voxels(stack: ImageStack, traced: TracedOrgan, options: TraceOptions) 
         if len(numbers):
             labels, _ = _parts_of(image, level, bright)
             areas = found.stats[numbers, cv2.CC_STAT_AREA]
-            parts[place] = int(np.count_nonzero(areas >= PART_FRACTION * areas.max()))
+            parts[place] = int(np.count_nonzero(areas >= PIECE_FRACTION * areas.max()))
             labels = labels[y0:y1, x0:x1]
             inside[place] = _filled(np.isin(labels, numbers - found.first[index] + 1))
         outer = levels[place][~inside[place]]

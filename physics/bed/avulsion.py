@@ -16,8 +16,8 @@ from physics.quantity import finite, positive
 __all__ = ["Avulsion", "avulse"]
 
 # Of the beam's length: how far the end is led at first, and at most; by how much farther each time;
-# and the part of a way to which a break is known.
-FIRST, MOST, FARTHER, PART = 1e-3, 20.0, 1.25, 1e-6
+# and the fraction of that to which a break is known.
+FIRST, MOST, FARTHER, TOLERANCE = 1e-3, 20.0, 1.25, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def avulse(
         low, high = high, FARTHER * high
         if high > MOST * beam.span:
             raise NoEquilibrium(f"the wall bears a pull to {MOST:g} times its length")
-    while high - low > PART * high:
+    while high - low > TOLERANCE * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if stress(middle) < threshold else (low, middle)
     stress(high)

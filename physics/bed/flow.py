@@ -154,11 +154,11 @@ class Flow:
         for hole in self.holes:
             hole.flow = self.pressures[hole.node] / hole.resistance
             out += hole.flow * step
-        part = min(1.0, self.left / out) if out > 0.0 else 0.0
+        fraction = min(1.0, self.left / out) if out > 0.0 else 0.0
         for hole in self.holes:
-            hole.lost += part * hole.flow * step
+            hole.lost += fraction * hole.flow * step
         self.left = self.fluid.volume - self.lost
-        return part * out
+        return fraction * out
 
     def _open_torn(self) -> None:
         """Open the ends of elements that have torn."""

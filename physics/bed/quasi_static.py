@@ -33,7 +33,7 @@ TOLERANCE, OPEN = 1e-9, 1e-5
 SHORTER, LONGER = 0.2, 3.0
 SHORTEST = 0.5**24
 # Longest substep over the shortest time in which something relaxes, or over the time gone by.
-PART = 0.125
+LONGEST_STEP = 0.125
 # Rounding over E I / span^2, a force that bends the beam, from which on searches may fail.
 TOO_STIFF = 1e-4
 
@@ -195,7 +195,7 @@ def advance(
                 raise NoEquilibrium("a rod would have to pass through the beam to go on")
             size = min(size, clear)
         if relaxes:
-            brief = PART * max(quickest, done * seconds)
+            brief = LONGEST_STEP * max(quickest, done * seconds)
             if size * seconds > brief:
                 size = brief / seconds
             kernels.begin(s, size * seconds)

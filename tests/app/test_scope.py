@@ -30,7 +30,7 @@ from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import HOLDS_MM_S, STEADY, ScopeLead
 from app.trainer.client.workers import Workers
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
-from app.trainer.scope.held_scope import HOME, OUTSIDE, UP, WAY, HeldScope
+from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
 from app.trainer.scope.near_place import near_place
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Packing, Well
 from app.trainer.scope.pose import OBLIQUE, Laparoscope, Pose
@@ -48,7 +48,7 @@ ways = st.floats(-math.pi, math.pi)
 
 def scope(angle: float = 0.0) -> Laparoscope:
     """Return a scope before the triangle."""
-    straight = Laparoscope.towards(TARGET, WAY, UP, outside=OUTSIDE)
+    straight = Laparoscope.towards(TARGET, DIRECTION, UP, outside=OUTSIDE)
     return Laparoscope(straight.pivot, straight.base, angle)
 
 

@@ -131,7 +131,7 @@ def test_a_part_of_it_is_that_part_and_places_are_kept_between_calls() -> None:
     )
     surface, out = SurfaceStress(dissection, skin), np.empty(len(skin.vertices), np.float32)
     whole = surface.write(solved, out).copy()
-    assert surface.write(solved, out, part=0.5) == pytest.approx(0.5 * whole)
+    assert surface.write(solved, out, scale=0.5) == pytest.approx(0.5 * whole)
     shuffled = (
         session.planar.theory.pull(dissection.beam, 25.4)
         .to_force(1.0)

@@ -119,7 +119,7 @@ class BuildTab:
         self._download = gui.add_button(
             "Download .organ", icon=viser.Icon.DOWNLOAD, color="gray", visible=False
         )
-        self._told_at = 0.0
+        self._reported_at = 0.0
         self._requests = 0
         self._lock = threading.Lock()
         on_click(self._phantom, self._use_phantom)
@@ -302,8 +302,8 @@ class BuildTab:
 
     def _tell(self, done: int, total: int) -> None:
         now = time.monotonic()
-        if now - self._told_at > TELLS_EVERY:
-            self._told_at = now
+        if now - self._reported_at > TELLS_EVERY:
+            self._reported_at = now
             self._say(f"Finding edges: {done} of {total} images.")
 
     def _say(self, content: str) -> None:

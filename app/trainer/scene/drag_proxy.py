@@ -90,11 +90,11 @@ class _Tube:
         in_organ = dissection.axis_point(0.0) + dissection.frame @ grip
         spans = np.diff(axis, axis=0)
         along = np.sum((in_organ - axis[:-1]) * spans, axis=1) / np.sum(spans**2, axis=1)
-        part = np.clip(along, 0.0, 1.0)
-        nearest = axis[:-1] + part[:, None] * spans
+        fraction = np.clip(along, 0.0, 1.0)
+        nearest = axis[:-1] + fraction[:, None] * spans
         segment = int(np.argmin(np.sum((in_organ - nearest) ** 2, axis=1)))
         before, after = self._stations[segment : segment + 2].tolist()
-        return Hold(before + float(part[segment]) * (after - before), grip, place)
+        return Hold(before + float(fraction[segment]) * (after - before), grip, place)
 
 
 class DragProxy:

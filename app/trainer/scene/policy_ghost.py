@@ -47,8 +47,8 @@ class PolicyGhost(Drawn):
 def _outline(tissue: SpatialTissue) -> NDArray[np.float32]:
     """Return (2 (N - 1), 2, 3) segments over and before the duct's axis, on its wall."""
     sides = [
-        tissue.beam.places + tissue.radius * np.array(way)
-        for way in ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
+        tissue.beam.places + tissue.radius * np.array(direction)
+        for direction in ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
     ]
     return np.concatenate(
         [np.stack([side[:-1], side[1:]], axis=1) for side in sides], dtype=np.float32

@@ -53,9 +53,9 @@ class Assistant:
         return self.pose
 
     def _step(self, middle: Floats, haste: float, seconds: float) -> None:
-        way = middle - self._target
-        far = math.sqrt(float((way * way).sum()))
+        offset = middle - self._target
+        far = math.sqrt(float((offset * offset).sum()))
         if far == 0.0:
             return
         step = min(far * min(1.0, RATE * haste * seconds), SPEED * haste * seconds)
-        self._target = self._target + (step / far) * way
+        self._target = self._target + (step / far) * offset

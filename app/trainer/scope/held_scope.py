@@ -17,7 +17,7 @@ __all__ = ["HeldScope"]
 Floats = NDArray[np.float64]
 
 # From the navel to the triangle, and what is up in the picture: towards the head.
-WAY, UP = np.array([0.76, 0.06, -0.66]), np.array([1.0, 0.0, 0.0])
+DIRECTION, UP = np.array([0.76, 0.06, -0.66]), np.array([1.0, 0.0, 0.0])
 OUTSIDE = 215.0
 """From the scope's trocar to the triangle, mm."""
 HOME = 66.0
@@ -30,7 +30,7 @@ class HeldScope:
     def __init__(self, made: AnatomyNetwork) -> None:
         self.made = made
         self._target = working_place(made)
-        self.scope = Laparoscope.towards(self._target, WAY, UP, outside=OUTSIDE)
+        self.scope = Laparoscope.towards(self._target, DIRECTION, UP, outside=OUTSIDE)
         self.home()
 
     def home(self) -> None:

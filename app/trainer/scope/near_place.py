@@ -24,14 +24,14 @@ def near_place(beam: BeamOnBed, tip: Floats, reach: float = REACH) -> tuple[int,
         places = beam.places[beam.nodes_of(name)]
         chord = np.diff(places, axis=0)
         square = np.maximum((chord**2).sum(axis=1), 1e-12)
-        part = np.clip(((tip - places[:-1]) * chord).sum(axis=1) / square, 0.0, 1.0)
-        off = np.sqrt((((places[:-1] + part[:, None] * chord) - tip) ** 2).sum(axis=1))
-        off -= tube.radius[:-1] + part * np.diff(tube.radius)
+        fraction = np.clip(((tip - places[:-1]) * chord).sum(axis=1) / square, 0.0, 1.0)
+        off = np.sqrt((((places[:-1] + fraction[:, None] * chord) - tip) ** 2).sum(axis=1))
+        off -= tube.radius[:-1] + fraction * np.diff(tube.radius)
         k = int(off.argmin())
         if off[k] < best:
             stations = beam.stations_of(name)
             best = float(off[k])
-            found = number, float(stations[k] + part[k] * (stations[k + 1] - stations[k]))
+            found = number, float(stations[k] + fraction[k] * (stations[k + 1] - stations[k]))
     return found
 
 

@@ -94,9 +94,11 @@ class Laparoscope:
     angle: float = 0.0
 
     @classmethod
-    def towards(cls, target: Floats, way: Floats, up: Floats, *, outside: float) -> "Laparoscope":
+    def towards(
+        cls, target: Floats, direction: Floats, up: Floats, *, outside: float
+    ) -> "Laparoscope":
         """Return a scope `outside` mm before a target along a way; `up` is up in its picture."""
-        s = way / math.sqrt(float((way * way).sum()))
+        s = direction / math.sqrt(float((direction * direction).sum()))
         v = up - float((up * s).sum()) * s
         v = v / math.sqrt(float((v * v).sum()))
         return cls(target - outside * s, np.stack([np.cross(s, v), v, s], axis=1))

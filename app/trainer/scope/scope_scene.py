@@ -105,7 +105,7 @@ class ScopeScene:
         self._drawn_with = -1.0  # the angle of the scope that the page has
         self._leads: tuple[int, bool] | None = None  # as the page has it
         self._frame = client.scene.add_frame("/scope", show_axes=False)
-        self._told: viser.GuiTextHandle | None = None
+        self._pointer: viser.GuiTextHandle | None = None
         self.draw(session.reading())
 
     def watch(self, session: Session) -> None:
@@ -149,9 +149,9 @@ class ScopeScene:
             (1e3 * spatial.pooled_ml("blood"), 1e3 * spatial.pooled_ml("bile")),
         )
         leads = -1 if self._led.leads_scope else self._led.hand, self._led.by_handle
-        if self._told is not None and leads != self._leads:
+        if self._pointer is not None and leads != self._leads:
             self._leads = leads
-            number = page_number(self._told)
+            number = page_number(self._pointer)
             run_function(self._client.scene, "bluntdissectScope.lead", number, *leads)
 
     @property
@@ -171,12 +171,12 @@ class ScopeScene:
     def let_drag(self, grabbed: object, moved: object, released: object) -> None:
         """Let mouse and fingers in the picture lead what `led` does."""
         # What the page tells of the pointer; nobody sees it.
-        self._told = told = self._client.gui.add_text("Pointer", "", visible=False)
+        self._pointer = message = self._client.gui.add_text("Pointer", "", visible=False)
         self._leads = None
 
-        @told.on_update
+        @message.on_update
         async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
-            self.take(told.value)
+            self.take(message.value)
 
     def frame_camera(self) -> None:
         """Give the scope back to the assistant, who looks at the triangle."""
@@ -187,9 +187,9 @@ class ScopeScene:
         self._clear()
         self._frame.remove()
 
-    def take(self, told: str) -> None:
+    def take(self, message: str) -> None:
         """Take what the page tells of pointer and gamepad; what is malformed is ignored."""
-        led, (kind, numbers) = self._led, _read(told)
+        led, (kind, numbers) = self._led, _read(message)
         acts: Mapping[str, tuple[int, Callable[..., object]]] = {
             "move": (3, lambda *place: led.lead_hand(np.array(place))),
             "nudge": (3, led.nudge), "push": (3, led.push_handle), "stop": (0, led.stop),
@@ -269,9 +269,9 @@ class ScopeScene:
         return out
 
 
-def _read(told: str) -> tuple[str, list[float]]:
+def _read(message: str) -> tuple[str, list[float]]:
     """Return the kind and the numbers of what a page tells; no kind where it is malformed."""
-    parts = told.split(" ", 7)[1:]  # the first counts, so that no two are alike
+    parts = message.split(" ", 7)[1:]  # the first counts, so that no two are alike
     try:
         numbers = [float(each) for each in parts[1:]]
     except ValueError:

@@ -98,8 +98,8 @@ class Contact:
         # Each half of each ring relative to its own height, so that it lies against its jaw.
         top, bottom = _ring_reach(height, skin)
         own = np.maximum(np.where(height > 0.0, top, bottom), 1e-9)
-        part = np.clip(np.abs(height) / own, 0.0, 1.0)
-        flat = np.sign(height) * bite * radius * (1.0 - (1.0 - part) ** 3.5)
+        fraction = np.clip(np.abs(height) / own, 0.0, 1.0)
+        flat = np.sign(height) * bite * radius * (1.0 - (1.0 - fraction) ** 3.5)
         squeezed = (bitten * (flat - height))[:, None] * up
         wide = (
             SPREAD * (1.0 - bite) / (1.0 - BITE) * (bitten * (offsets @ lateral))[:, None] * lateral
@@ -249,11 +249,11 @@ def _press(
         depth = max(radius - (bend - wire), 0.0)
         beside = (abs(x) - 2.3 * wire) / wire
         pressed += 0.16 * depth * np.exp(-beside * beside)
-        part = 1.0 + along_wire * (pressed / radius - 1.0)
-        moved_y, moved_z = (part - 1.0) * y, (part - 1.0) * z
+        fraction = 1.0 + along_wire * (pressed / radius - 1.0)
+        moved_y, moved_z = (fraction - 1.0) * y, (fraction - 1.0) * z
         for i in range(3):
             vertices[v, i] += moved_y * frame[i, 1] + moved_z * frame[i, 2]
-        apart = radius * part - bend
+        apart = radius * fraction - bend
         gap = max(np.sqrt(x * x + apart * apart) - wire, 0.0) / (1.25 * wire)
         shade[v] *= 1.0 - 0.62 * along_wire * np.exp(-gap * gap)
 

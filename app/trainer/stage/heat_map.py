@@ -25,7 +25,7 @@ def heat_legend_html(threshold: float) -> str:
     return _legend_html(
         "Tensile stress at the wall",
         "kPa",
-        [_figure(part * end, end) for part in (0.0, 0.25, 0.5, 0.75, 1.0)],
+        [_figure(fraction * end, end) for fraction in (0.0, 0.25, 0.5, 0.75, 1.0)],
         f"<span style='color:{_BREAK}'>&#9614;</span>breaks at {_figure(end, end)} kPa",
         data=f"data-testid='heat-legend' data-threshold-kpa='{end:.6g}'",
         end=f"border-right:3px solid {_BREAK};",
@@ -53,9 +53,9 @@ def _legend_html(
         for place, (red, green, blue) in zip(places, color_table()[places].tolist(), strict=True)
     )
     marks = "".join(
-        f"<span style='position:absolute;left:{part:g}%;transform:translateX({-part:g}%)'>"
+        f"<span style='position:absolute;left:{fraction:g}%;transform:translateX({-fraction:g}%)'>"
         f"{tick}</span>"
-        for part, tick in zip(np.linspace(0.0, 100.0, len(ticks)).tolist(), ticks, strict=True)
+        for fraction, tick in zip(np.linspace(0.0, 100.0, len(ticks)).tolist(), ticks, strict=True)
     )
     return (
         f"<div {data} style='padding:8px 14px;font-size:12px;line-height:1.35'>"

@@ -46,13 +46,13 @@ def _pool(middle: NDArray[np.float64], reach: float, random: np.random.Generator
     sizes = random.normal(0.0, 0.07, orders.size)
     phases = random.uniform(0.0, 2.0 * np.pi, orders.size)
     outline = 1.0 + np.cos(np.outer(angles, orders) + phases) @ sizes
-    part = np.linspace(0.02, 1.0, _RINGS)[:, None]
-    x = middle[0] + reach * part * outline * np.cos(angles)
-    y = middle[1] + 0.75 * reach * part * outline * np.sin(angles)
+    fraction = np.linspace(0.02, 1.0, _RINGS)[:, None]
+    x = middle[0] + reach * fraction * outline * np.cos(angles)
+    y = middle[1] + 0.75 * reach * fraction * outline * np.sin(angles)
     bed = bed_height(x, y)
     # The film covers what rises above it, and gets thinner towards its edge.
     level = np.quantile(bed, 0.5) + _FILM
-    z = np.maximum(level, bed + _FILM) * (1.0 - part**6) + (bed - _BELOW) * part**6
+    z = np.maximum(level, bed + _FILM) * (1.0 - fraction**6) + (bed - _BELOW) * fraction**6
     vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     faces = grid_faces(_RINGS, _CORNERS, closed=True)[:, ::-1]
     return Solid(vertices, faces, vertex_normals(vertices, faces, welded=True))

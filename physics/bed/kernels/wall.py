@@ -278,10 +278,10 @@ def node_stress(
         d2 = over * (c12 * r1 + c22 * r2 + c23 * r3)
         d3 = over * (c13 * r1 + c23 * r2 + c33 * r3)
         far = abs(d1) + outer2 * abs(d2) + outer3 * abs(d3)
-        part = min(1.0, FARTHEST * lam / far) if far > 0.0 else 1.0
-        lam += part * d1
-        k2 += part * d2
-        k3 += part * d3
+        fraction = min(1.0, FARTHEST * lam / far) if far > 0.0 else 1.0
+        lam += fraction * d1
+        k2 += fraction * d2
+        k3 += fraction * d3
         if far < ENOUGH * lam:
             break
     b2, b3 = outer2 * k2, outer3 * k3
