@@ -122,10 +122,8 @@ class ExerciseTab:
             self._beside.show(state.beside.role, active=not busy)
         if not busy:
             self.take_offers()
-        shown = self._exercise
-        by_hands = shown is not None and shown.name in MANNERS and not (busy and run.started)
         for handle, visible in (
-            (self._show_me, by_hands),
+            (self._show_me, self._has_hands),
             (self._choice, not busy),
             (self._feedback, not busy),
             (self._start, not busy),
@@ -161,6 +159,13 @@ class ExerciseTab:
         running = self._state.session.run.exercise if self._state.in_exercise else None
         return running or self._offered.get(str(self._choice.value))
 
+    @property
+    def _has_hands(self) -> bool:
+        """Whether scripted hands can do it now."""
+        exercise, run = self._exercise, self._state.session.run
+        begun = self._state.in_exercise and run.started
+        return exercise is not None and exercise.name in MANNERS and not begun
+
     def _perform(self) -> None:
         """Play a careful performance of the exercise, by scripted hands."""
         state, exercise = self._state, self._exercise
@@ -189,6 +194,9 @@ class ExerciseTab:
 
     def _describe(self) -> None:
         exercise = self._exercise
+        set_if_changed(
+            self._show_me, visible=self._has_hands
+        )  # nothing may move when one is chosen
         if exercise is None:
             self._task.content = ""
             return
