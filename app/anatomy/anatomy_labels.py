@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from app.anatomy.anatomy_geometry import TubeLine
 from app.anatomy.tables import HEAD_RIGHT_FRONT, Anatomy
@@ -99,6 +98,8 @@ def anatomy_labels(
 
 def _inside(places: Floats, line: TubeLine, centres: Floats, voxel: float) -> NDArray[np.bool_]:
     """Return which centres lie in a tube along an axis."""
+    from scipy.spatial import KDTree  # of an extra: who makes no labels needs none
+
     count = max(2, round(line.length / (_STEP_FRACTION * voxel)) + 1)
     stations = np.linspace(0.0, line.length, count)
     axis = np.stack([np.interp(stations, line.stations, each) for each in places.T], axis=1)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import count, product
 from pathlib import Path
-from typing import Literal, TypeAlias, cast
+from typing import TYPE_CHECKING, Literal, TypeAlias, cast
 
 import msgspec
 import numpy as np
@@ -42,8 +42,11 @@ from app.anatomy.tables import (
 from app.anatomy.tube_kinds import Role, kind_of_name, wall_of
 from app.anatomy.tube_organ import ORGAN_SUFFIX, check_organs, organ_content, organ_text
 from app.bounded_file import decoded, read_bounded
-from organ_geometry import LabelTubes, LabelVolume, found_tubes, make_folder, write_atomic
+from organ_geometry import LabelVolume, make_folder, write_atomic
 from physics.bed import End
+
+if TYPE_CHECKING:
+    from organ_geometry import LabelTubes
 
 __all__ = [
     "CaseBuilder",
@@ -102,7 +105,7 @@ class PatientCase:
     """An anatomy found in labels, its tubes with their organs, and what is left out."""
 
     anatomy: Anatomy
-    tubes: LabelTubes
+    tubes: "LabelTubes"
     left_out: tuple[str, ...]
     doubts: tuple[str, ...]
 
@@ -299,6 +302,8 @@ class CaseBuilder:
         self._left_out = tuple(left_out)
         # Ducts first, then by size: the first tube is the one that others join.
         order = sorted(tubes, key=lambda label: (kinds[tubes[label]] != "duct", -sizes[label]))
+        from organ_geometry import found_tubes  # needs scipy, which is of an extra
+
         self.found = found_tubes(volume, {label: tubes[label] for label in order}, done=done)
         # Branches of a label, which are tubes of their own, are of its kind.
         split = self.found.split
@@ -454,7 +459,7 @@ def _kind_by_term(name: str, term: str) -> Role | None:
 
 def _anatomy(
     source: str,
-    found: LabelTubes,
+    found: "LabelTubes",
     kinds: dict[str, TubeKind],
     name: str,
     held: Mapping[TubeEndName, End],
@@ -534,7 +539,7 @@ def _anatomy(
     return anatomy
 
 
-def _middle(found: LabelTubes, kinds: dict[str, TubeKind]) -> Floats:
+def _middle(found: "LabelTubes", kinds: dict[str, TubeKind]) -> Floats:
     """Return where the duct of the gallbladder joins another, else where the first tube begins."""
     for join in found.joins:
         enters = any(kinds[each.to] == "organ" for each in found.joins if each.tube == join.tube)
@@ -543,7 +548,7 @@ def _middle(found: LabelTubes, kinds: dict[str, TubeKind]) -> Floats:
     return found.tubes[0].built.organ.axis[0]
 
 
-def _touches(anatomy: Anatomy, lines: dict[str, TubeLine], found: LabelTubes) -> list[TouchTable]:
+def _touches(anatomy: Anatomy, lines: dict[str, TubeLine], found: "LabelTubes") -> list[TouchTable]:
     """Return the pairs of tubes that lie against each other, in the labels or in the file."""
     touches = {
         frozenset((tube, to)): TouchTable(tube=tube, to=to, length_mm=round(length, 1))
@@ -598,7 +603,7 @@ def _alone(anatomy: Anatomy, kinds: dict[str, TubeKind]) -> list[str]:
     ]
 
 
-def _unusual(found: LabelTubes) -> list[str]:
+def _unusual(found: "LabelTubes") -> list[str]:
     """Return a doubt for each size outside the range that cases are drawn from."""
     doubts: list[str] = []
     for tube in found.tubes:
@@ -621,7 +626,7 @@ def _unusual(found: LabelTubes) -> list[str]:
     return doubts
 
 
-def _mirrored(found: LabelTubes, kinds: dict[str, TubeKind]) -> list[str]:
+def _mirrored(found: "LabelTubes", kinds: dict[str, TubeKind]) -> list[str]:
     """Return a doubt if the gallbladder lies left of the ducts."""
     middles: dict[str, float] = {}
     for kind in ("organ", "duct"):

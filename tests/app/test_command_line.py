@@ -4,6 +4,8 @@ import importlib.metadata
 import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -233,6 +235,21 @@ def test_the_real_duct_goes_through_the_same_commands(data_dir: Path, tmp_path: 
         assert mesh.is_winding_consistent
     given = solved("--preset", "porcine-bile-duct", "--organ", organ, "--force", 0.01)
     assert given["deflection_mm"] > 0.0
+
+
+def test_nothing_of_an_extra_is_needed_to_begin() -> None:
+    """Neither by the command line, nor the trainer, nor, but for Gymnasium, an environment."""
+    blocked = ("scipy", "matplotlib", "pyarrow", "SALib", "SimpleITK", "manifold3d", "distributed")
+    blocked += ("onnxruntime", "onnx", "highdicom", "cma", "pandas")
+    lines = (
+        "import sys",
+        f"sys.modules.update(dict.fromkeys({blocked!r}))",
+        "import app.command_line.replay, app.rl.environment, app.trainer",
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=False
+    )
+    assert not found.returncode, found.stderr
 
 
 def test_version_is_the_installed_one() -> None:
