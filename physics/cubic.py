@@ -17,6 +17,9 @@ from physics.quantity import finite, stations_on
 
 __all__ = ["Cubic", "CubicPull"]
 
+MOST_Q = 2.0
+"""Twice the whole work of the axial force, which no beam's deflection asks for."""
+
 
 @dataclass(frozen=True, slots=True)
 class Cubic:
@@ -42,8 +45,11 @@ class Cubic:
         if isinstance(self.q, str):
             if self.q != "fitted":
                 raise ValueError(f"q must be a number or 'fitted', got {self.q!r}")
-        elif finite(self.q, "q", "(no unit)") < 0.0:
-            raise ValueError(f"q must be 0 or above, got {self.q}")
+        elif not 0.0 <= finite(self.q, "q", "(no unit)") <= MOST_Q:
+            raise ValueError(
+                f"q must be from 0 to {MOST_Q:g}: 1 fits small deflections, 0.5 large ones; "
+                f"got {self.q}"
+            )
 
     @property
     def options(self) -> Mapping[str, object]:

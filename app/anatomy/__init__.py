@@ -22,7 +22,7 @@ from app.anatomy.patient_case import (
     write_case,
 )
 from app.anatomy.tables import Anatomy, TubeTable
-from app.anatomy.tube_kinds import wall_of
+from app.anatomy.tube_kinds import tube_title, wall_of
 from app.anatomy.tube_organ import place_of, tube_organ
 
 __all__ = [
@@ -50,6 +50,7 @@ __all__ = [
     "tube_line",
     "tube_lines",
     "tube_organ",
+    "tube_title",
     "wall_of",
     "write_case",
 ]

@@ -8,7 +8,7 @@ import msgspec
 from app.anatomy.tables import Confidence, Fluid, TubeKind
 from assets import TUBE_KINDS
 
-__all__ = ["Role", "TubeWall", "kind_of_name", "wall_of"]
+__all__ = ["Role", "TubeWall", "kind_of_name", "tube_title", "wall_of"]
 
 Role: TypeAlias = TubeKind | Literal["shown"]
 """A kind of tube, or `shown`: drawn and not solved."""
@@ -52,6 +52,21 @@ class _Kinds(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 @cache
 def _kinds() -> _Kinds:
     return msgspec.toml.decode(TUBE_KINDS.read_bytes(), type=_Kinds)
+
+
+TITLES = {
+    "common": "common duct",
+    "cystic": "cystic duct",
+    "rha": "right hepatic artery",
+    "artery": "cystic artery",
+    "artery2": "second cystic artery",
+}
+"""Tubes of the anatomies that are shipped or drawn."""
+
+
+def tube_title(name: str) -> str:
+    """Return what a tube is called in words, by its name in a file."""
+    return TITLES.get(name, name.replace("_", " "))
 
 
 def wall_of(kind: TubeKind) -> TubeWall:

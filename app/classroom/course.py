@@ -17,7 +17,15 @@ import msgspec
 import tomli_w
 
 from app.bounded_file import decoded
-from app.classroom.exercise_file import PULLS, DuctChoice, ExerciseFile, Goal, SetExercise
+from app.classroom.exercise_file import (
+    AT_ANATOMY,
+    DRAWN,
+    PULLS,
+    DuctChoice,
+    ExerciseFile,
+    Goal,
+    SetExercise,
+)
 from app.simulation import ERROR_CLASSES, METRICS, Feedback, Preset
 from organ_geometry import Organ
 
@@ -98,7 +106,8 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     needs: tuple[str, ...] = ()  # levels to be mastered before
     passes: int = 3  # in a row, each on a bed that was not seen before
     beds: tuple[str, ...] = ()  # one after the other, with each pass in a row
-    seeds: tuple[int, ...] = tuple(range(1, 21))  # of the beds
+    # of the beds, or of the anatomies that are drawn
+    seeds: tuple[int, ...] = tuple(range(1, 21))
     feedback: tuple[Feedback, ...] = (Feedback.CONTINUOUS,)  # with each pass in a row
     limits: dict[str, int | float] = {}  # of the exercise, as in an exercise file
     errors: dict[str, int] = {}  # the same
@@ -113,7 +122,7 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"step must have 1 to {LONGEST_STEP} characters")
         if not 1 <= self.passes <= MOST_PASSES:
             raise ValueError(f"passes must be from 1 to {MOST_PASSES}, got {self.passes}")
-        if self.goal in PULLS and self.beds:
+        if self.goal in (*PULLS, *AT_ANATOMY) and self.beds:
             raise ValueError(f"beds do not go with {self.goal}, which has no bed")
         seeds = set(self.seeds)
         if not 0 < len(seeds) <= MOST_SEEDS or len(seeds) < len(self.seeds) or min(seeds) < 0:
@@ -137,29 +146,32 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def seeded(self) -> bool:
-        """Whether there is a bed, so that every try can be another."""
+        """Whether there is a bed or an anatomy, so that every try can be another."""
         return self.goal not in PULLS
 
     def try_on(
         self, organ: Organ, preset: Preset | None, *, row: int, seed: int | None
     ) -> SetExercise:
-        """Return the next try's exercise after `row` passes; seconds the first time in a bed."""
-        # The limits are those of the bed; only the scatter is the seed's.
+        """Return the next try's exercise after `row` passes; seconds the first time."""
+        # The limits are those of the bed, of which only the scatter is the seed's, or those of the
+        # seed's anatomy.
         bed = self.beds[row % len(self.beds)] if self.beds else None
         feedback = self.feedback[min(row, len(self.feedback) - 1)]
-        asked = _asked(msgspec.json.encode(self._file(bed, feedback)), organ, preset)
+        asked = _asked(msgspec.json.encode(self._file(bed, feedback, seed)), organ, preset)
         opening = asked.exercise.opening
-        if seed is None or opening is None:
+        if seed is None or opening is None or opening.anatomy is not None:
             return asked
         opening = msgspec.structs.replace(opening, bed_seed=seed)
         exercise = msgspec.structs.replace(asked.exercise, opening=opening)
         return msgspec.structs.replace(asked, exercise=exercise)
 
-    def _file(self, bed: str | None, feedback: Feedback) -> ExerciseFile:
+    def _file(self, bed: str | None, feedback: Feedback, seed: int | None = None) -> ExerciseFile:
+        duct = DuctChoice(bed=bed)
+        if self.goal in AT_ANATOMY:
+            duct = DuctChoice(anatomy=DRAWN, seed=1 if seed is None else seed)
         return ExerciseFile(
-            self.title, self.goal, self.step, feedback, DuctChoice(bed=bed), self.limits,
-            self.errors,
-        )  # fmt: skip
+            self.title, self.goal, self.step, feedback, duct, self.limits, self.errors
+        )
 
 
 @lru_cache(maxsize=64)
@@ -231,6 +243,14 @@ class Course(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return next(
             (each for each in self.benchmark if (each.level, each.metric) == (level, metric)), None
         )
+
+    def marks(self, level: Level) -> dict[str, float]:
+        """Return what a level's passes are held against, by metric."""
+        return {
+            metric: factor * benchmark.value
+            for metric, factor in level.benchmarks.items()
+            if (benchmark := self.benchmark_of(level.id, metric)) is not None
+        }
 
     def level_of(self, name: str) -> Level:
         """Return a level by its id; a `ValueError` names those there are."""

@@ -1,4 +1,4 @@
-"""The exercise that a teacher sets: a small TOML file, and what it asks on the class's duct.
+"""The exercise that a teacher sets: a small TOML file, and what it asks on a duct or an anatomy.
 
 A limit that the file does not name follows from the duct, as in the trainer's own exercises.
 """
@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 
 import msgspec
 
+from app.anatomy import anatomy_named, drawn_anatomy, shipped_anatomies
 from app.bounded_file import decoded
 from app.simulation import (
     EXERCISES,
@@ -17,6 +18,7 @@ from app.simulation import (
     Limit,
     Preset,
     Session,
+    Specimen,
     bed_named,
     exercises_offered,
     free_specimen,
@@ -28,13 +30,21 @@ from app.simulation import (
 )
 from organ_geometry import Organ
 
-__all__ = ["GOALS", "ExerciseFile", "Goal", "SetExercise", "read_exercise", "template"]
+__all__ = [
+    "AT_ANATOMY", "GOALS", "ExerciseFile", "Goal", "SetExercise", "mode_of", "read_exercise",
+    "template",
+]  # fmt: skip
 
 Goal = Literal[
-    "window", "follow_front", "free_scar", "hold_stretch", "approach_break", "gentle_lifts"
-]
+    "window", "follow_front", "free_scar", "hold_stretch", "approach_break", "gentle_lifts",
+    "stop_bleeding", "critical_view",
+]  # fmt: skip
 PULLS: tuple[Goal, ...] = ("hold_stretch", "approach_break", "gentle_lifts")
 """Those of a free duct."""
+AT_ANATOMY: tuple[Goal, ...] = ("stop_bleeding", "critical_view")
+"""Those at an anatomy, through the laparoscope."""
+DRAWN = "drawn"
+"""In the place of an anatomy's name: one that is drawn by published frequencies and a seed."""
 GOALS: dict[Goal, str] = {goal: EXERCISES[goal].title for goal in get_args(Goal)}
 TIME_LIMIT = "time_limit_s"
 FREED = (
@@ -53,8 +63,11 @@ NUMBERS: dict[Goal, tuple[str, ...]] = {
     "approach_break": ("high", "seconds", "maximum_force_N", "maximum_loading_rate_N_per_s",
                        TIME_LIMIT),
     "gentle_lifts": ("repeats", "return_below", *HELD),
+    "stop_bleeding": ("seconds", "blood_lost_ml", "peak_stress_ratio", TIME_LIMIT),
+    "critical_view": ("points", "blood_lost_ml", "peak_stress_ratio", TIME_LIMIT),
 }  # fmt: skip
 """What an exercise file may give for a goal: fields of it, metrics that are limited, the time."""
+USUAL = "normal"
 LONGEST_TITLE, LONGEST_TEXT, LONGEST_FILE = 60, 1000, 20_000
 
 
@@ -63,7 +76,8 @@ class DuctChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     preset: str | None = None
     bed: str | None = None
-    seed: int = 1  # of the bed's scatter
+    seed: int = 1  # of the bed's scatter, or of an anatomy that is drawn
+    anatomy: str | None = None  # name of a shipped one, or "drawn"; the usual one if not named
     relaxes: bool = False  # while it is held, in a bed
 
 
@@ -72,7 +86,7 @@ class SetExercise(msgspec.Struct, frozen=True):
 
     title: str
     text: str
-    mode: Literal["dissect", "pull"]
+    mode: Literal["dissect", "pull", "anatomy"]
     preset: str | None
     exercise: Exercise
     feedback: Feedback
@@ -107,10 +121,20 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"title must have 1 to {LONGEST_TITLE} characters")
         if len(self.text) > LONGEST_TEXT:
             raise ValueError(f"text must have at most {LONGEST_TEXT} characters")
-        if self.goal in PULLS and self.duct.bed is not None:
+        bedless = (*PULLS, *AT_ANATOMY)
+        if self.goal in bedless and self.duct.bed is not None:
             raise ValueError(f"duct.bed does not go with {self.goal}, which has no bed")
-        if self.goal in PULLS and self.duct.relaxes:
+        if self.goal in bedless and self.duct.relaxes:
             raise ValueError(f"duct.relaxes does not go with {self.goal}, which has no bed")
+        if self.goal in AT_ANATOMY and self.duct.preset is not None:
+            raise ValueError(f"duct.preset does not go with {self.goal}, which has an anatomy")
+        anatomies = (*shipped_anatomies(), DRAWN)
+        if self.duct.anatomy is not None and self.goal not in AT_ANATOMY:
+            raise ValueError(f"duct.anatomy does not go with {self.goal}, which has one duct")
+        if self.duct.anatomy not in (None, *anatomies):
+            raise ValueError(
+                f"duct.anatomy {self.duct.anatomy!r} is not there: {', '.join(anatomies)}"
+            )
         numbers = NUMBERS[self.goal]
         if unknown := sorted(set(renamed_numbers(self.limits)) - set(numbers)):
             raise ValueError(
@@ -124,6 +148,10 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         chosen = preset if self.duct.preset is None else preset_named(self.duct.preset)
         if self.goal in PULLS:
             specimen = free_specimen(organ, chosen)
+        elif self.goal in AT_ANATOMY:
+            drawn, name = self.duct.anatomy == DRAWN, self.duct.anatomy or USUAL
+            anatomy = drawn_anatomy(self.duct.seed) if drawn else anatomy_named(name)
+            specimen = Specimen.of_anatomy(anatomy)
         else:
             bed = None if self.duct.bed is None else bed_named(self.duct.bed)
             specimen = specimen_in_bed(organ, chosen, bed, bed_seed=self.duct.seed)
@@ -131,7 +159,8 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         offered = exercises_offered(Session(specimen, vertices=FEW), relaxes=self.duct.relaxes)
         found = next((each for each in offered if each.name == self.goal), None)
         if found is None:
-            raise ValueError(f"goal {self.goal} cannot be reached on this duct in this bed")
+            where = "at this anatomy" if self.goal in AT_ANATOMY else "on this duct in this bed"
+            raise ValueError(f"goal {self.goal} cannot be reached {where}")
         opening = found.opening
         if opening is not None and self.duct.bed not in (None, opening.bed):
             raise ValueError(f"goal {self.goal} is not done in duct.bed {self.duct.bed!r}")
@@ -144,11 +173,18 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return SetExercise(
             title=self.title.strip(),
             text=self.text.strip(),
-            mode="pull" if self.goal in PULLS else "dissect",
+            mode=mode_of(found),
             preset=self.duct.preset,
             exercise=asked,
             feedback=self.feedback,
         )
+
+
+def mode_of(exercise: Exercise) -> Literal["dissect", "pull", "anatomy"]:
+    """Return what an exercise is done on: a duct in a bed, a free one, or an anatomy."""
+    if exercise.opening is None:
+        return "pull"
+    return "dissect" if exercise.opening.anatomy is None else "anatomy"
 
 
 def read_exercise(content: str) -> ExerciseFile:
@@ -183,14 +219,19 @@ def _limited(
 
 def template(goal: Goal) -> str:
     """Return an exercise file with a goal, in which everything else follows from the duct."""
-    bed = (
-        ""
-        if goal in PULLS
-        else f"""\
+    bed = f"""\
+# preset = "thesis-bile-duct"
 bed = "{"scar" if goal == "free_scar" else "normal"}"   # see: bluntdissect info --beds
 seed = 1         # of the bed's scatter
 """
-    )
+    if goal in PULLS:
+        bed = '# preset = "thesis-bile-duct"\n'
+    elif goal in AT_ANATOMY:
+        bed = f"""\
+anatomy = "{USUAL}"   # or {", ".join(each for each in shipped_anatomies() if each != USUAL)}
+# anatomy = "drawn"   # by published frequencies, and a seed
+# seed = 1
+"""
     limits = textwrap.indent(textwrap.fill(", ".join(NUMBERS[goal]), 70), "# ")
     return f"""\
 title = "{GOALS[goal]}"
@@ -199,7 +240,6 @@ goal = "{goal}"
 feedback = "continuous"   # or "fading", or "summary": figures only in the result
 
 [duct]
-# preset = "thesis-bile-duct"
 {bed}
 [limits]   # what is not named here follows from the duct; there are:
 {limits}

@@ -2,7 +2,8 @@
 
 import html
 
-from app.classroom.exercise_file import GOALS, NUMBERS, PULLS, Goal
+from app.anatomy import shipped_anatomies
+from app.classroom.exercise_file import AT_ANATOMY, DRAWN, GOALS, NUMBERS, PULLS, Goal
 from app.simulation import ERROR_CLASSES, METRIC_OF, Feedback, bed_presets
 
 __all__ = ["exercise_form"]
@@ -15,7 +16,8 @@ FIELDS = {
     "tolerance_mm": "Within, mm",
     "low": "Lowest of the band",
     "high": "Highest of the band",
-    "seconds": "Time to stay there, s",
+    "seconds": "Time to stay there, or stopped, s",
+    "points": "Points of the critical view, of 6",
     "repeats": "How many times",
     "return_below": "Led back below",
     "time_limit_s": "Time, s",
@@ -31,6 +33,7 @@ def exercise_form() -> str:
     """Return the fields of an exercise file; the page's script writes the file from them."""
     goals = "".join(f"<option value='{goal}'>{title}</option>" for goal, title in GOALS.items())
     beds = "".join(f"<option>{html.escape(name)}</option>" for name in bed_presets())
+    anatomies = "".join(f"<option>{html.escape(each)}</option>" for each in shipped_anatomies())
     feedback = "".join(
         f"<option value='{each.value}'>{words}</option>" for each, words in WORDS.items()
     )
@@ -46,7 +49,9 @@ def exercise_form() -> str:
         "<label class='wide'>What you tell the trainees <input id='words' maxlength='1000'></label>"
         f"<label>Feedback <select id='feedback'>{feedback}</select></label>"
         "<label class='of-bed'>Bed <select id='bed'><option value=''>The class's</option>"
-        f"{beds}</select></label>{_number('seed', 'Seed of the bed', 1.0, '1', 'of-bed')}</div>"
+        f"{beds}</select></label><label class='of-anatomy'>Anatomy <select id='anatomy'>{anatomies}"
+        f"<option value='{DRAWN}'>Drawn by a seed</option></select></label>"
+        f"{_number('seed', 'Seed', 1.0, '1', 'of-bed of-anatomy')}</div>"
         "<details><summary>Limits</summary><p class='empty'>What is left empty is worked out "
         f"for the duct.</p>{numbers}</details><details><summary>Errors that fail it</summary>"
         "<p class='empty'>The most incidents that do not fail it. What is left empty is as in the "
@@ -65,8 +70,8 @@ def _numbers(goal: Goal) -> str:
         unit = f", {metric.unit}" if metric.unit else ""
         label = f"{metric.title} {bound}{unit}"
         fields.append(_number(f"limits.{key}", label, metric.factor, "any"))
-    bed = "0" if goal in PULLS else "1"
-    return f"<div class='fields' data-goal='{goal}' data-bed='{bed}'>{''.join(fields)}</div>"
+    where = "" if goal in PULLS else "anatomy" if goal in AT_ANATOMY else "bed"
+    return f"<div class='fields' data-goal='{goal}' data-where='{where}'>{''.join(fields)}</div>"
 
 
 def _number(key: str, label: str, factor: float, step: str, look: str = "") -> str:

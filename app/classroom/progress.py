@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from app.classroom.course import INCIDENTS, LOWER, SAFE_FRACTION, Course, Level
+from app.classroom.exercise_file import AT_ANATOMY
 from app.classroom.store import RunRecord
 from app.simulation import (
     ERROR_CLASSES,
@@ -147,10 +148,8 @@ def unmet(course: Course, level: Level, done: Try) -> str:
             f"Passed, but only {100.0 * fraction:.0f} % of the time was without errors of safety "
             f"({titles}); {100.0 * SAFE_FRACTION:.0f} % are asked for."
         )
-    for metric, factor in level.benchmarks.items():
-        benchmark = course.benchmark_of(level.id, metric)
-        assert benchmark is not None  # noqa: S101 (the course has looked)
-        mark, value = factor * benchmark.value, done.value(metric)
+    for metric, mark in course.marks(level).items():
+        value = done.value(metric)
         if value > mark + 1e-9 if LOWER[metric] else value < mark - 1e-9:
             title, unit, scale = TITLES.get(metric, ("Incidents of errors", "", 1.0))
             amount = f" {unit}" if unit else ""
@@ -182,13 +181,14 @@ def _standing(
     course: Course, level: Level, tries: Sequence[Try], today: datetime, mastered: set[str]
 ) -> LevelStanding:
     seen = Counter[int | None]()
+    where = "an anatomy" if level.goal in AT_ANATOMY else "a bed"
     row, at, missed, run = 0, None, False, None
     checks: list[datetime] = []
     last = ""
     for each in tries:
         why = unmet(course, level, each)
         unseen = not level.seeded or seen[each.seed] <= min(seen[seed] for seed in level.seeds)
-        last = why or ("Passed." if unseen else "Passed, on a bed that was seen before.")
+        last = why or ("Passed." if unseen else f"Passed, on {where} that was seen before.")
         seen[each.seed] += 1
         if at is None:
             row = 0 if why else row + unseen
@@ -208,7 +208,7 @@ def _standing(
     if at is not None:
         state = "due" if is_due else "mastered"
         row = level.passes - 1 if is_due else level.passes
-        last = "A pass on a bed not seen before brings it back." if is_due and missed else last
+        last = f"A pass on {where} not seen before brings it back." if is_due and missed else last
     elif set(level.needs) <= mastered:
         state = "open"
     seed = min(level.seeds, key=lambda seed: seen[seed]) if level.seeded else None

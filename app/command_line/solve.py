@@ -33,6 +33,8 @@ __all__ = ["solve"]
 
 # mm, MPa and N: far beyond any tissue, far from where numbers run over.
 MOST_LENGTH, MOST_MODULUS, MOST_FORCE = 1e6, 1e9, 1e9
+# mm, MPa and diameters: beyond them a unit is most likely wrong, or it is no beam.
+SHORTEST_MM, STEEL_MPA, SLENDER = 1.0, 2.1e5, 2.0
 OF_ROUND_BEAM = ("span", "diameter", "modulus", "poisson", "wall")
 """Parameters of a beam that no preset brings."""
 OF_PULL = (
@@ -245,6 +247,7 @@ def _pull_across(
     # Without a threshold any will do to find the place of the highest stress.
     check = check_rupture(pulled, 1.0 if limit is None else limit)
     event = None if limit is None else break_of(theory.pull(beam, pulled.grasp), limit)
+    notes = [*([duct.doubt] if duct.doubt else []), *_doubts(beam, pulled.deflection)]
     result: dict[str, object] = {
         "theory": theory.name,
         "preset": duct.preset,
@@ -264,7 +267,7 @@ def _pull_across(
         "distance_to_break": None if limit is None else check.distance_to_break,
         "breaks_at_N": None if event is None else event.force,
         **theory.options,
-        **({"notes": [duct.doubt]} if duct.doubt else {}),
+        **({"notes": notes} if notes else {}),
     }
     side = {1: ", on the side of the pull", -1: ", on the side away from the pull", 0: ""}
     lines = [
@@ -299,9 +302,32 @@ def _pull_across(
                 "no force it can be pulled with" if event is None else f"{event.force:.6g} N",
             ),
         ]
-    if duct.doubt:
-        lines.append(("note", duct.doubt))
+    lines += [("note", each) for each in notes]
     return result, lines
+
+
+def _doubts(beam: "Beam", deflection: float) -> list[str]:
+    """Return what makes a beam or a pull doubtful, in sentences: most likely a wrong unit."""
+    thick, span = 2.0 * beam.fibre_distance, beam.span
+    found: list[str] = []
+    if span < SHORTEST_MM:
+        found.append(f"a span of {span:g} mm is very short: lengths are in mm, not in m")
+    if beam.modulus > STEEL_MPA:
+        found.append(
+            f"a modulus of {beam.modulus:g} MPa is above that of steel: moduli are in MPa, and "
+            "1 MPa is 1000 kPa"
+        )
+    if span < SLENDER * thick:
+        found.append(
+            f"a beam of {thick:.4g} mm by {span:.4g} mm is hardly one: theories of beams hold "
+            f"where the span is {SLENDER:g} diameters or more"
+        )
+    if abs(deflection) > span:
+        found.append(
+            f"the deflection is {abs(deflection) / span:.3g} times the span, where no theory "
+            "of beams holds"
+        )
+    return found
 
 
 def _solve_in_bed(

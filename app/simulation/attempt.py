@@ -49,6 +49,11 @@ class Taker(Protocol):
         """Return how many strands hold next to the longest free stretch, and where, mm."""
         ...
 
+    @property
+    def bleeds(self) -> bool:
+        """Whether blood flows out of a tube, now."""
+        ...
+
     def critical_view(self) -> CriticalView:
         """Return the critical view of safety now; a `ValueError` where there is none."""
         ...

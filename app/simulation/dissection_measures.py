@@ -27,6 +27,8 @@ Floats = NDArray[np.float64]
 
 BESIDE_MM = 2.0
 """mm next to a free stretch whose strands are counted."""
+LEAST_FLOW = 1e-3
+"""mm^3/s. Out of a tube that loses less, nothing flows."""
 LEAST_FORCE = 1e-3
 """N. A smaller force has no direction worth measuring."""
 
@@ -41,7 +43,9 @@ class DissectionTear(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     threshold_MPa: float  # noqa: N815
 
 
-class DissectionMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class DissectionMeasures(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True
+):
     """The measures of a dissection (docs/measures.md); None where it gives none.
 
     Pairs are of the first and the second hand.
@@ -71,6 +75,7 @@ class DissectionMeasures(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     # angle between the pull on the duct and the bed's normal, weighted by force
     traction_angle_deg: float | None
     tear: DissectionTear | None
+    blood_lost_ml: float | None = None  # left out where no tube has blood
 
 
 class DissectionMeasureTaker:
@@ -252,6 +257,12 @@ class DissectionMeasureTaker:
         """1 less the stress over the threshold, now."""
         return 1.0 - self.duct.stress_ratio
 
+    @property
+    def bleeds(self) -> bool:
+        """Whether blood flows out of a tube, now."""
+        blood = self.duct.fluids.get("blood")
+        return blood is not None and any(each.flow > LEAST_FLOW for each in blood.holes)
+
     def holding_beside(self, low: float, high: float) -> tuple[int, float] | None:
         """Return how many strands hold next to the longest free stretch, and where, mm."""
         # Of both of its ends, that which fewer hold; None without a stretch.
@@ -284,6 +295,7 @@ class DissectionMeasureTaker:
         if not self._started:
             raise ValueError("a run starts with the first input; there has been none")
         torn, work = self._torn, sum(self._work)
+        blood = self.duct.fluids.get("blood")
         return DissectionMeasures(
             time_s=self.ticks * TICK_SECONDS,
             freed_mm=self.freed,
@@ -319,6 +331,7 @@ class DissectionMeasureTaker:
                 bending_stress_MPa=torn.bending_stress,
                 threshold_MPa=torn.threshold,
             ),
+            blood_lost_ml=None if blood is None else 1e-3 * blood.lost,
         )
 
 

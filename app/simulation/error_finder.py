@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from app.anatomy import tube_title
 from app.bed_preset import bed_named
 from app.simulation.clock import REACTION_SECONDS, TICK_SECONDS
 from app.simulation.errors import Conditions, Incidents
@@ -117,6 +118,8 @@ class ErrorFinder:
         tubes = duct.tubes.names
         anatomy = duct.specimen.anatomy
         kinds = [] if anatomy is None else [each.kind for each in anatomy.tube]
+        self._titles = [tube_title(name) for name in tubes]
+        self._what = "the duct" if anatomy is None else "a tube"
         self._vessels = [tube for tube, kind in enumerate(kinds) if kind in ("artery", "vein")]
         self._wrong = [about is not None and name not in about for name in tubes]
         self._bleeding_since: dict[str, int] = {}
@@ -189,7 +192,12 @@ class ErrorFinder:
                 self._torn = True
                 tube = duct.tubes.names.index(event.tube)
                 self.incidents.note(
-                    "tear", event.hand, event.station, tube=tube, x=event.station, name=event.tube
+                    "tear",
+                    event.hand,
+                    event.station,
+                    tube=tube,
+                    x=event.station,
+                    name=self._titles[tube],
                 )
         self._events = len(duct.events)
 
@@ -200,7 +208,13 @@ class ErrorFinder:
         if self._wrong[tube]:
             did = "clipped" if event.kind == "clip" else "divided"
             incidents.note(
-                "clip_wrong_tube", event.hand, at, tube=tube, did=did, x=at, name=event.tube
+                "clip_wrong_tube",
+                event.hand,
+                at,
+                tube=tube,
+                did=did,
+                x=at,
+                name=self._titles[tube],
             )
         safety = self._safety
         if event.kind == "clip" or safety is None or event.tube not in safety.entering:
@@ -208,7 +222,12 @@ class ErrorFinder:
         points = self._points
         if points < incidents.limits["divided_before_view"]["points"]:
             incidents.note(
-                "divided_before_view", event.hand, at, tube=tube, n=points, name=event.tube
+                "divided_before_view",
+                event.hand,
+                at,
+                tube=tube,
+                n=points,
+                name=self._titles[tube],
             )
         stays = safety.entering[event.tube] == 1  # whether the side towards its begin stays
         clips = sum(
@@ -216,12 +235,13 @@ class ErrorFinder:
             for each in duct.events
         )
         if clips < incidents.limits["clip_short"]["clips"]:
-            incidents.note("clip_short", event.hand, at, tube=tube, n=clips, name=event.tube)
+            incidents.note(
+                "clip_short", event.hand, at, tube=tube, n=clips, name=self._titles[tube]
+            )
 
     def _judge_tubes(self, forces: list[list[float]], parted: int) -> None:
         """Judge what is done to an anatomy's tubes: which are pulled, and what bleeds."""
         duct, incidents = self._duct, self.incidents
-        names = duct.tubes.names
         pulls = [math.hypot(*force) for force in forces]
         hardest = pulls.index(max(pulls)) if max(pulls) > 0.0 else None
         for i, hand in enumerate(duct.hands):
@@ -229,7 +249,7 @@ class ErrorFinder:
             if hand.node is not None and self._wrong[hand.tube] and pulls_hard:
                 incidents.note(
                     "wrong_structure", i, duct.held_at(i), pulls[i], tube=hand.tube,
-                    f=pulls[i], name=names[hand.tube],
+                    f=pulls[i], name=self._titles[hand.tube],
                 )  # fmt: skip
         most = incidents.limits["tension_on_vessel"]["most"]
         for tube in self._vessels:
@@ -237,7 +257,7 @@ class ErrorFinder:
             if ratio > most and duct.tears[tube] is None:
                 incidents.note(
                     "tension_on_vessel", hardest, None, ratio, tube=tube,
-                    p=100.0 * min(ratio, 1.0), name=names[tube],
+                    p=100.0 * min(ratio, 1.0), name=self._titles[tube],
                 )  # fmt: skip
         self._judge_bleeding(parted)
 
@@ -260,11 +280,12 @@ class ErrorFinder:
             hole = next(each for each in blood.holes if each.tube == name)
             lost = 1e-3 * sum(each.lost for each in blood.holes if each.tube == name)
             harm: Consequence = "injury" if lost > SERIOUS_ML else "minor"
-            by = [each.hand for each in duct.events if each.tube == name]
-            incidents.note(
-                "bleeding", by[0] if by else None, hole.station, lost, tube=tube,
-                consequence=harm, ml=lost, s=seconds, name=name,
-            )  # fmt: skip
+            if name != duct.opens_torn:  # which nobody's hand has torn
+                by = [each.hand for each in duct.events if each.tube == name]
+                incidents.note(
+                    "bleeding", by[0] if by else None, hole.station, lost, tube=tube,
+                    consequence=harm, ml=lost, s=seconds, name=self._titles[tube],
+                )  # fmt: skip
             if not parted or seconds <= limits["seconds"]:
                 continue
             place = duct.beam.places[hole.node].tolist()
@@ -273,7 +294,7 @@ class ErrorFinder:
                 if away > limits["away"] and (hand.node is not None or self._rods[i, 0] >= 0):
                     incidents.note(
                         "unattended_bleeding", i, hole.station, seconds, tube=tube,
-                        consequence=harm, d=away, s=seconds, ml=lost, name=name,
+                        consequence=harm, d=away, s=seconds, ml=lost, name=self._titles[tube],
                     )  # fmt: skip
 
     def _consequence(self, stress: float, out_of_sight: int) -> Consequence:
@@ -319,14 +340,23 @@ class ErrorFinder:
                 self._duct.beam.places, hand.place, self._duct.view, self.radius
             ):
                 incidents.note(
-                    "blind_stab", i, station, speed, v=speed, d=speed * REACTION_SECONDS, speed=most
+                    "blind_stab",
+                    i,
+                    station,
+                    speed,
+                    v=speed,
+                    d=speed * REACTION_SECONDS,
+                    speed=most,
+                    what=self._what,
                 )
         presses = self._duct.beam.state.press
         press = max(math.hypot(*presses[rod].tolist()) for rod in self._duct.rods_of(i))
         watch.presses.append(press)
         press = sum(watch.presses) / PULL_TICKS
         if press > limits["instrument_on_wall"]["force"]:
-            incidents.note("instrument_on_wall", i, station, press, f=press, tool=tool)
+            incidents.note(
+                "instrument_on_wall", i, station, press, f=press, tool=tool, what=self._what
+            )
         if tool == "dissector":
             self._judge_sweep(i, watch, parted)
 

@@ -9,7 +9,7 @@ import msgspec
 from app.anatomy import Anatomy
 from app.bed_preset import BedPreset
 from app.simulation.errors import ERROR_CLASSES
-from app.simulation.goals import BreakApart, CriticalView, FreeLength, Goal, Stay
+from app.simulation.goals import BreakApart, CriticalView, FreeLength, Goal, Stay, StopBleeding
 from app.simulation.inputs import INSTRUMENTS, Instrument
 from app.simulation.metrics import METRIC_OF
 
@@ -24,6 +24,7 @@ __all__ = [
     "Opening",
     "Outcome",
     "Stay",
+    "StopBleeding",
     "feedback_visible",
 ]
 
@@ -80,10 +81,13 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     divided: bool = False  # the duct ends at its second clamp, which is gone
     relaxes: bool = False  # whether strands and walls relax while they are held
     anatomy: str | Anatomy | None = None  # name of a shipped one, or another in full
+    torn: str | None = None  # tube of it that tears in its middle with the first touch
 
     def __post_init__(self) -> None:
         if (self.bed is None) == (self.anatomy is None):
             raise ValueError("opening must have a bed or an anatomy, one of them")
+        if self.torn is not None and self.anatomy is None:
+            raise ValueError("opening has a torn tube, which only an anatomy has")
         opened = self.opened_mm
         if opened is not None and not 0.0 <= opened[0] < opened[1] < math.inf:
             raise ValueError(f"opened_mm must rise, got {opened}")
@@ -123,7 +127,9 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     @property
     def caution(self) -> str:
         """What not to do, in one sentence."""
-        words = ["do not tear the duct"] if "tear" in self.limit_of else []
+        at_anatomy = self.opening is not None and self.opening.anatomy is not None
+        words = ["tear nothing" if at_anatomy else "do not tear the duct"]
+        words = words if "tear" in self.limit_of else []
         words += [METRIC_OF[each.of].limit_words(each.value) for each in self.limits
                   if each.of in METRIC_OF]  # fmt: skip
         titles = [ERROR_CLASSES[key].title.lower() for key in self.errors if key != "tear"]

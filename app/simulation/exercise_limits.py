@@ -3,7 +3,8 @@
 A free duct's follow from where it breaks. In a bed good hands (`app.simulation.scripted_hands`) do
 each exercise beforehand, with strands of even strength: what they need, with `SPARE` on top, is the
 limit. In the window they hardly load the duct; there the limit is `WINDOW_RATIO` of what pulling it
-off takes. The bed's seed is the first one with which good hands pass. Errors fail an exercise too:
+off takes. The bed's seed is the first one with which good hands pass. At an anatomy the limit is of
+the blood that they lose until they have stopped a bleeding. Errors fail an exercise too:
 it is not to be passed by what it does not teach.
 """
 
@@ -17,7 +18,15 @@ import numpy as np
 from app.anatomy import Anatomy
 from app.bed_preset import BedPreset, bed_named, named_or_whole
 from app.simulation.clock import REACTION_SECONDS
-from app.simulation.exercise import CriticalView, Exercise, FreeLength, Limit, Opening, Stay
+from app.simulation.exercise import (
+    CriticalView,
+    Exercise,
+    FreeLength,
+    Limit,
+    Opening,
+    Stay,
+    StopBleeding,
+)
 from app.simulation.exercise_table import EXERCISES
 from app.simulation.goals import Goal
 from app.simulation.grasped_beam import GraspedBeam
@@ -25,7 +34,7 @@ from app.simulation.run_file import anatomy_or_name
 from app.simulation.safety import Safety
 from app.simulation.scripted_hands import MANNERS, Lift, Technique, perform
 from app.simulation.session import Session
-from app.simulation.spatial_tissue import FREED_FRACTION, SpatialTissue
+from app.simulation.spatial_tissue import FREED_FRACTION
 from app.simulation.specimen import Specimen
 
 __all__ = ["exercises_offered"]
@@ -60,6 +69,7 @@ LOOSEST = 0.95
 MOST_SEEDS = 20
 SCAR = "scar"
 POINTS = 5  # of the critical view of safety
+STOPPED_SECONDS = 3.0
 FEW = 300
 """Vertices of a duct that nobody sees."""
 MOST_STRANDS = 10**6
@@ -67,6 +77,7 @@ MOST_STRANDS = 10**6
 
 
 IN_BED = ("window", "follow_front", "free_scar")
+AT_ANATOMY = ("stop_bleeding", "critical_view")
 
 
 def exercises_offered(session: Session, *, relaxes: bool = False) -> tuple[Exercise, ...]:
@@ -74,7 +85,7 @@ def exercises_offered(session: Session, *, relaxes: bool = False) -> tuple[Exerc
     # Tissue relaxes in them, and while limits are found, as is asked for and not as in the session.
     specimen = session.specimen
     if specimen.anatomy is not None:
-        return _at_anatomy(session.spatial, specimen.anatomy)
+        return _at_anatomy(specimen.anatomy)
     if specimen.bed is not None:
         threshold = session.tissue.threshold
         return _in_bed(replace(specimen, threshold_MPa=threshold, relaxation=relaxes))
@@ -98,17 +109,45 @@ def _exercise(
     )
 
 
-def _at_anatomy(tissue: SpatialTissue, anatomy: Anatomy) -> tuple[Exercise, ...]:
+def _at_anatomy(anatomy: Anatomy) -> tuple[Exercise, ...]:
     """Return the exercises at an anatomy; none where there is no gallbladder."""
-    try:
-        safety = Safety(tissue)
-    except ValueError:
-        return ()
-    exercise = _exercise(
-        "critical_view", CriticalView(POINTS), [], Opening(anatomy=anatomy_or_name(anatomy))
+    key = msgspec.json.encode(anatomy)
+    return tuple(
+        exercise
+        for exercise in (_offered_at(key, name) for name in AT_ANATOMY)
+        if exercise is not None
     )
-    about = (safety.gallbladder, *safety.entering)
-    return (msgspec.structs.replace(exercise, about=about),)
+
+
+@lru_cache(maxsize=64)
+def _offered_at(anatomy_json: bytes, name: str) -> Exercise | None:
+    """Return an exercise at an anatomy, as JSON, or None where good hands cannot do it."""
+    anatomy = msgspec.json.decode(anatomy_json, type=Anatomy)
+    session = Session(Specimen.of_anatomy(anatomy), vertices=FEW)
+    try:
+        safety = Safety(session.spatial)
+    except ValueError:
+        return None
+    where = Opening(anatomy=anatomy_or_name(anatomy))
+    if name == "critical_view":
+        exercise = _exercise(name, CriticalView(POINTS), [], where)
+        about = (safety.gallbladder, *safety.entering)
+        return msgspec.structs.replace(exercise, about=about)
+    kinds = {each.name: each.kind for each in anatomy.tube}
+    artery = next((each for each in safety.entering if kinds[each] == "artery"), None)
+    if artery is None:
+        return None
+    exercise = _exercise(
+        name,
+        StopBleeding(STOPPED_SECONDS),
+        [],
+        msgspec.structs.replace(where, torn=artery),
+    )
+    exercise = msgspec.structs.replace(exercise, about=(artery,))
+    if not _passes(session, exercise, MANNERS[name]["good"]):
+        return None
+    most = EXERCISES[name].spare * session.metrics()["blood_lost_ml"]
+    return exercise.with_limits({"blood_lost_ml": float(round(most))})
 
 
 def _of_free_duct(duct: GraspedBeam) -> tuple[Exercise, ...]:

@@ -49,6 +49,13 @@ EXERCISES: dict[str, ExerciseKind] = {
         ("wrong_structure", "clip_wrong_tube", "divided_before_view", "bleeding"),
         ALL_INSTRUMENTS, time_limit_s=1200.0,
     ),
+    "stop_bleeding": ExerciseKind(
+        "Stop a bleeding",
+        "the cystic artery tears with your first touch; bring the open jaws of the clip applier "
+        "past it on either side, between the tear and where it comes from, and clip it",
+        ("wrong_structure", "clip_wrong_tube", "unattended_bleeding"),
+        ALL_INSTRUMENTS, in_hand=("grasper", "clip applier"), time_limit_s=60.0, spare=6.0,
+    ),
     "hold_stretch": ExerciseKind("Hold a stretch", "", TOO_FAST),
     "approach_break": ExerciseKind("Approach the break", "", TOO_FAST),
     "gentle_lifts": ExerciseKind("Dissect gently", "", TOO_FAST, time_limit_s=90.0),

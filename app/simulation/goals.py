@@ -12,7 +12,7 @@ from app.simulation.metrics import Metrics
 if TYPE_CHECKING:
     from app.simulation.attempt import Taker
 
-__all__ = ["BreakApart", "CriticalView", "Followed", "FreeLength", "Goal", "Stay"]
+__all__ = ["BreakApart", "CriticalView", "Followed", "FreeLength", "Goal", "Stay", "StopBleeding"]
 
 MOST_REPEATS = 100
 MOST_POINTS, VIEW_TICKS = 6, 10
@@ -358,5 +358,60 @@ class _Viewing:
         self.standing = self.so_far + parts
 
 
-Goal = Stay | FreeLength | BreakApart | CriticalView
+class StopBleeding(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="stop_bleeding"
+):
+    """Stop the blood that flows out of a tube, for a time."""
+
+    seconds: float  # for which none may flow
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.seconds < math.inf:
+            raise ValueError(f"seconds must be above 0 and finite, got {self.seconds}")
+
+    band: ClassVar[Span | None] = None
+
+    @property
+    def least_seconds(self) -> float:
+        """The least time that it takes, s."""
+        return self.seconds
+
+    def band_on(self, duct: GraspedBeam) -> Span | None:
+        """None: it is no deflection."""
+
+    @property
+    def words(self) -> str:
+        """What to do, as a sentence begins."""
+        return f"Stop the bleeding, and see that it stays stopped for {self.seconds:g} s"
+
+    def follow(self) -> Followed:
+        """Return what follows an attempt."""
+        return _Stopping(self)
+
+    def reached(self, metrics: Metrics) -> str:
+        """Return how it was reached, in a sentence."""
+        return f"Stopped the bleeding with {metrics['blood_lost_ml']:.0f} ml of blood lost."
+
+
+class _Stopping:
+    """Counts the time for which no blood has flowed."""
+
+    def __init__(self, goal: StopBleeding) -> None:
+        self._wanted, self._ticks = max(1, round(goal.seconds / TICK_SECONDS)), 0
+        self._bled = False
+        self.progress, self.standing, self.so_far = 0.0, "it bleeds", "the bleeding going on"
+
+    def take(self, taker: "Taker") -> bool:
+        """Take a tick; return whether the goal is reached."""
+        # The tube tears with the first touch, and bleeds from the tick after it.
+        self._bled |= taker.bleeds
+        self._ticks = 0 if taker.bleeds or not self._bled else self._ticks + 1
+        self.progress = min(self._ticks / self._wanted, 1.0)
+        left = (self._wanted - self._ticks) * TICK_SECONDS
+        self.standing = f"stopped, {left:.1f} s to go" if self._ticks else "it bleeds"
+        self.so_far = "the bleeding " + ("just stopped" if self._ticks else "going on")
+        return self._ticks >= self._wanted
+
+
+Goal = Stay | FreeLength | BreakApart | CriticalView | StopBleeding
 """What an exercise asks for. Each has `words`, `band`, `least_seconds`, and follows attempts."""

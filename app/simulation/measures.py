@@ -190,6 +190,11 @@ class MeasureTaker:
     def holding_beside(self, low: float, high: float) -> None:
         """None: no strands hold a free duct."""
 
+    @property
+    def bleeds(self) -> bool:
+        """False: a duct in a plane has no blood."""
+        return False
+
     def critical_view(self) -> CriticalView:
         """Raise a `ValueError`: a free duct alone has none."""
         raise ValueError("a critical view of safety needs an anatomy, not a single duct")

@@ -175,6 +175,12 @@ METRICS = (
         "Mean angle between the pull on the duct and straight off the bed, weighted by force.",
     ),
     Metric(
+        "blood_lost_ml", "Blood lost", "ml", "lower",
+        "What has flowed out of vessels, whether it was taken up or not.",
+        limited="no more than {limit:.3g} ml of blood lost",
+        passed="{value:.3g} ml of blood were lost, more than {limit:.3g} ml",
+    ),
+    Metric(
         DISTANCE_TO_BREAK, "Smallest distance to break", "%", "higher",
         "How near the duct came to its break: 0 % is the break.", 100.0,
         limited="{limit:.0f} % left to the break",

@@ -140,6 +140,10 @@ class Run:
         """How many there are."""
         return sum(self._taker.errors.number.values()) if self.started else 0
 
+    def cause(self) -> Incident | None:
+        """Return the error of the last second that an end is put down to, if there was one."""
+        return self._taker.errors.cause() if self.started else None
+
     def file(self, organ: OrganIdentity, seed: int) -> RunFile:
         """Return the run so far; a `ValueError` before the start."""
         start = self._started_from()

@@ -18,16 +18,22 @@ from typing import Protocol
 import numpy as np
 
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.dissection_measures import LEAST_FLOW
 from app.simulation.exercise import Exercise, FreeLength, Stay
 from app.simulation.grasper import HAND_SPEED
 from app.simulation.session import Session
-from app.simulation.spatial_tissue import JAW_RADIUS
+from app.simulation.spatial_tissue import CLIP_OPENING, JAW_RADIUS
+from app.simulation.trocar import TROCARS
 
-__all__ = ["CAREFUL", "MANNERS", "Follow", "Lift", "Reach", "Spread", "Technique", "perform"]
+__all__ = [
+    "CAREFUL", "MANNERS", "Clip", "Follow", "Lift", "Reach", "Spread", "Technique", "perform",
+]  # fmt: skip
 
 STEP_MM = 2.0
 """How far the front is to move before a good hand takes hold again."""
 REST_SECONDS = 0.3
+PAST_MM = 1.5
+"""How far jaws are led past a tube that they close."""
 MOST_MM = 25.0
 """How far a hand lifts at most."""
 # s of staying beyond what the exercise asks for.
@@ -164,6 +170,48 @@ class Reach:
         return out + _minimum_jerk(past, goal, back) + [goal] * round(stay / TICK_SECONDS)
 
 
+@dataclass(frozen=True, slots=True)
+class Clip:
+    """Clips the tube that bleeds, on the side from which the blood comes."""
+
+    speed: float = 15.0  # mm/s of the tip
+    seconds: float = 2.0  # until it goes, to find the tube
+    before: float = 3.0  # mm from the tear
+
+    def inputs(self, session: Session, exercise: Exercise) -> Iterator[None]:
+        """Come along the shaft past the tube, clip it, and wait; once more if it bleeds on."""
+        duct = session.spatial
+        while True:
+            session.choose_instrument(1, "clip applier")
+            session.open_jaws(1, CLIP_OPENING)
+            for _ in range(round(self.seconds / TICK_SECONDS)):
+                yield
+            blood = duct.fluids["blood"]
+            hole = max(blood.holes, key=lambda each: each.flow)
+            rest = duct.tubes.network.tubes[hole.tube]
+            up = (
+                -1.0
+                if max(h.station for h in blood.holes if h.tube == hole.tube) > (hole.station)
+                else 1.0
+            )  # the tear's other end lies further from where it comes
+            at = min(max(hole.station + up * self.before, 0.0), rest.span)
+            line = duct.beam.places_at(np.array([at - 0.5, at, at + 0.5]), hole.tube)
+            radius = float(rest.radius.max())
+            shaft = TROCARS[1].shaft(line[1])
+            session.aim(1, shaft.tolist())
+            session.spread(1, np.cross(shaft, line[2] - line[0]).tolist())
+            start, goal = duct.hands[1].place.copy(), line[1] - (radius + PAST_MM) * shaft
+            far = float(np.sqrt(((goal - start) ** 2).sum()))
+            for gone in _steps(far, self.speed):
+                session.move_hand(1, start + (goal - start) * (gone / far))
+                yield
+            yield from _rest()
+            session.clip(1)
+            yield from _rest()
+            while not any(each.flow > LEAST_FLOW for each in blood.holes):
+                yield
+
+
 CAREFUL = Reach(5.0, 0.0, ((0.004, 9.0),))
 """Slow, with the tremor that every hand has, of 8 to 12 Hz."""
 HASTY = Reach(0.3, 0.4, ((0.01, 9.0),))
@@ -185,6 +233,7 @@ MANNERS: dict[str, dict[str, Technique]] = {
         "hasty": Spread(speed=20.0, beside=True),
         "clumsy": Spread(held=8.0 / 3.0, beside=True),
     },
+    "stop_bleeding": {"good": Clip()},
     "hold_stretch": REACHES,
     "approach_break": REACHES,
     "gentle_lifts": REACHES,

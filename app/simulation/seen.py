@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from app.anatomy import tube_title
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
 from app.simulation.replay import Replay
 from app.simulation.safety import ENOUGH, SOME, CriticalView, Safety
@@ -46,7 +47,10 @@ def what_was_seen(replay: Replay) -> list[Seen]:
             points = view.total
     start = session.spatial.ticks - replay.log.ticks
     out += [
-        Seen(max(event.tick - start, 0) * TICK_SECONDS, HAPPENED[event.kind].format(event.tube))
+        Seen(
+            max(event.tick - start, 0) * TICK_SECONDS,
+            HAPPENED[event.kind].format(tube_title(event.tube)),
+        )
         for event in session.spatial.events
     ]
     return sorted(out, key=lambda each: each.seconds)
@@ -55,8 +59,8 @@ def what_was_seen(replay: Replay) -> list[Seen]:
 def _fractions(view: CriticalView) -> list[tuple[str, float]]:
     """Return the shares that a view is judged by, with a sentence that lacks the share."""
     return [
-        *((f"{name}: {{}} of what holds its end at the gallbladder has parted", fraction)
-          for name, fraction in view.structures.items()),
+        *((f"{tube_title(name)}: {{}} of what holds its end at the gallbladder has parted", part)
+          for name, part in view.structures.items()),
         ("{} of what holds the gallbladder's neck to other tubes has parted", view.neck),
         ("the triangle is cleared to {}", view.triangle),
         ("the lower third of the plate is freed to {}", view.plate),

@@ -24,6 +24,7 @@ from app.simulation.attempt import Attempt
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.dissection import default_preset, fits
 from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.errors import Incident
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.inputs import ALL_INSTRUMENTS, Input, InputKind, Instrument, TheoryChoice
@@ -114,7 +115,7 @@ class Session:
         self.lock = RLock()  # to be held while what belongs together is read piece by piece
         self._organ, self._vertices = specimen.organ, vertices
         self.drawn = DrawnDuct(specimen.organ, vertices, seed)
-        self._tries: deque[RunFile] = deque(maxlen=MOST_TRIES)
+        self._tries: deque[tuple[RunFile, list[Incident]]] = deque(maxlen=MOST_TRIES)
         self.tissue = self._tissue_of(specimen)
         self.drawn.follow(self.tissue.dissection)
         self._start_run()
@@ -498,11 +499,21 @@ class Session:
     def earlier_tries(self, run: RunFile) -> list[RunFile]:
         """Return the earlier judged runs of the same exercise and start, oldest first."""
         with self.lock:
-            tries = list(self._tries)
+            tries = [each for each, _ in self._tries]
         task = run.log.exercise, run.log.start
         return [
             each for each in tries if (each.log.exercise, each.log.start) == task and each != run
         ]
+
+    def earlier_incidents(self, name: str, count: int) -> list[list[Incident]]:
+        """Return the errors of the last so many judged runs of an exercise, of any bed."""
+        with self.lock:
+            found = [
+                errors
+                for run, errors in self._tries
+                if run.log.exercise is not None and run.log.exercise.name == name
+            ]
+        return found[-count:]
 
     # Replays.
 
@@ -633,7 +644,8 @@ class Session:
         if self.run.started:
             self.run.finish()
             if self.run.outcome is not None:
-                self._tries.append(self.run.file(OrganIdentity.of(self._organ), self.seed))
+                kept = self.run.file(OrganIdentity.of(self._organ), self.seed)
+                self._tries.append((kept, self.run.incidents()))
         self._start_run(exercise, feedback, inputs)
 
     def _start_run(

@@ -19,7 +19,7 @@ from app.relaxation_preset import Prony
 from app.simulation.attempt import Taker
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
-from app.simulation.dissection_measures import DissectionMeasureTaker
+from app.simulation.dissection_measures import LEAST_FLOW, DissectionMeasureTaker
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
 from app.simulation.hand import Hand
@@ -62,8 +62,6 @@ flow out of a tube, and that no longer does; a clip that closes a tube, and scis
 it."""
 
 LOSSES: dict[str, EventKind] = {"blood": "bleeding", "bile": "leak"}
-LEAST_FLOW = 1e-3
-"""mm^3/s. Out of a tube that loses less, nothing flows."""
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
 SCOPE_INSTRUMENTS: tuple[Instrument, ...] = ("grasper", "dissector")
 """At an anatomy: the assistant's hand holds, the surgeon's parts."""
@@ -78,6 +76,8 @@ RADIUS: dict[Instrument, float] = {
     "scissors": 0.8, "suction": 1.5,
 }  # fmt: skip
 """mm, of the rods that an instrument is."""
+CLIP_OPENING = 6.0
+"""mm between jaws that close a tube, as they come open: wider than the cystic duct."""
 MOST_OPENING = 40.0
 """mm between the axes of a dissector's jaws: more than any clamps' distance allows to use."""
 FROM_ABOVE = (0.0, -0.6, 0.8)
@@ -205,6 +205,8 @@ class SpatialTissue:
         opening = None if exercise is None else exercise.opening
         self._opened = None if opening is None else opening.opened_mm
         self.divided: bool = opening is not None and opening.divided
+        self.opens_torn: str | None = None if opening is None else opening.torn
+        """The tube that tears with the first touch, if one does."""
         usual = () if self.specimen.anatomy is None else SCOPE_INSTRUMENTS
         self._in_hand = usual if exercise is None else exercise.in_hand or usual
         self.view: Floats = TOWARDS_VIEWER  # (3,) unit vector towards the viewer
@@ -217,6 +219,10 @@ class SpatialTissue:
         """Make all whole with the hands where they are; return where those go on their way."""
         hands = self.hands
         self._make_whole()
+        if self.opens_torn is not None:
+            name, tubes = self.opens_torn, self.tubes
+            middle = 0.5 * tubes.network.tubes[name].span
+            self.torn_elements[tubes.names.index(name)] = self.beam.tear(middle, name)
         for hand, before in enumerate(hands):
             self.put_hand(hand, before.place)
             self.hands[hand].target[:] = before.target
@@ -269,6 +275,8 @@ class SpatialTissue:
         for hand, instrument in enumerate(self._in_hand):
             if instrument != FIRST_INSTRUMENTS[hand]:
                 self.choose_instrument(hand, instrument)
+            if instrument == "clip applier":
+                self.hands[hand].opening = self.hands[hand].target_opening = CLIP_OPENING
 
     def parking(self, hand: int, instrument: Instrument) -> Floats:
         """Return where an instrument that touches nothing waits, (3,) mm."""

@@ -62,7 +62,7 @@ DUCT_INPUTS: dict[str, Input] = {
     "organ": Input(),
     "theory": Input(words=("cubic", "string", "exact", "fem", "mass-spring")),
     "law": Input(words=("linear", "linear with shear", "neo-hooke")),
-    "q": Input("", 0.0, 10.0),
+    "q": Input("", 0.0, 2.0),
     **{name: _limited(name) for name in LIMITS if not name.endswith("_factor")},
     "grasp_mm": Input("mm", 1e-3, 1e4),
     "grasp_fraction": Input("", 0.001, 0.999),

@@ -227,7 +227,8 @@ def _missing_images(files: FileSlices, planes: ImagePlanes) -> Iterator[str]:
         more = f" and at {len(jumps) - 1} other places" if len(jumps) > 1 else ""
         lost = missing * planes.slice_spacing
         yield (
-            f"{missing} images seem to be missing, as names jump from {files.names[place]} to "
+            f"{missing} {'image seems' if missing == 1 else 'images seem'} to be missing, as "
+            f"names jump from {files.names[place]} to "
             f"{files.names[place + 1]}{more}: the organ is then {lost:.3g} mm too short"
         )
     path, spacing = read_spacing(files.files[0].parent)

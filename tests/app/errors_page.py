@@ -73,6 +73,11 @@ set by these beds.
 | good hands in beds 41 to 60, steady | 240 | 0 incidents |
 | the same with a tremor of 0.15 mm | 240 | 3 incidents |
 | the same with a tremor of 0.3 mm | 240 | 40 incidents |
+| faults in beds 71 and 72 of two tissues, tremor 0.15 mm | 456 | 456 found as meant; none passes |
+| good hands in beds 71 to 75 of four, tremor 0.3 mm | 60 | 8 incidents |
+
+The last two rows are of 25 November 2026, after the growth near the break was taken between means
+of 0.1 s, and the limit of a press from the stress. Before, those good hands had 19 incidents.
 
 One author wrote the faults and their finder, and every hand here is a script: whether raters see
 the same errors in people's runs has not been measured. Errors of several tubes are tried by a few

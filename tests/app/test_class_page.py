@@ -5,12 +5,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from axe import faults
 from browser import PATIENCE, TrainerPage, new_context, trainer_page
 from playwright.sync_api import Browser, Page, expect
 from program import free_port
 from simulated import phantom
 from test_guard import UPGRADE, Answer
 
+from app.anatomy import drawn_anatomy
+from app.classroom.course import default_course
 from app.classroom.exercise_file import template
 from app.classroom.store import ClassStore
 from app.trainer.classroom.lesson import Lesson
@@ -283,3 +286,67 @@ def test_a_lesson_from_the_first_name_to_the_restart(
         finally:
             again.stop()
     assert not errors, errors
+
+
+def test_a_level_at_an_anatomy_opens_the_scope_and_is_watched_and_replayed_there(
+    browser: Browser, tmp_path: Path
+) -> None:
+    path = tmp_path / "class.sqlite"
+    store = ClassStore.new(path, "Surgery 3B")
+    store.course = default_course()
+    store.close()
+    trainer = opened(path, free_port())
+    trainer.warm_up.wait("calot")
+    lesson, token = lesson_of(trainer), trainer.link.partition("token=")[2]
+    try:
+        teacher = teacher_page(browser, trainer)
+        with trainer_page(browser, trainer.address, query=f"&token={token}") as page:
+            ann = Trainee(page)
+            ann.join("Ann")
+            lesson.set_level("bleeding", None)
+            levels = ann.page.get_by_test_id("class-levels")
+            expect(levels).to_contain_text("Level 7 of 8: Stop a bleeding. 0 of 3 passed")
+            assert faults(ann.page, "course") == []
+            ann.trainer.press("Start the next try")
+            expect(ann.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
+            (view,) = [each.view for each in lesson._all()]
+            assert view.session.specimen.anatomy == drawn_anatomy(1)
+            assert view.session.tissue.hands[1].instrument == "clip applier"
+            expect(ann.page.get_by_test_id("class-exercise")).to_contain_text("clip that artery")
+            assert faults(ann.page, "level at an anatomy") == []
+            page.press("Stop")  # before it has begun: no try
+            ann.trainer.press("Start the next try")
+            expect(ann.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
+            ann.page.mouse.click(300, 500)
+            ann.page.keyboard.press("x")
+            ann.page.keyboard.press("ArrowUp")
+            expect(teacher.locator("#people")).to_contain_text("Calot's triangle: ")
+            expect(ann.page.get_by_test_id("exercise-state")).to_contain_text("It bleeds")
+            page.press("Stop")
+            page.wait_until(lambda: any(each.finished for each in lesson.store.runs()))
+            (kept,) = lesson.store.runs()
+            assert (kept.level, kept.seed, kept.mode, kept.passed) == (
+                "bleeding", 1, "anatomy", None
+            )  # fmt: skip
+            assert json.loads(kept.measures)["blood_lost_ml"] > 0.0
+            (person,) = lesson.store.people()
+            for asked_for, word in (
+                (f"replay={kept.id}", "Replay"),
+                (f"watch={person.id}", "Live"),
+            ):
+                looking = teacher.context.new_page()
+                looking.goto(f"{trainer.address}/?{word}={asked_for}")
+                looking.wait_for_function("() => window.bluntdissectScope?.picture?.drawn > 2")
+                expect(looking.get_by_test_id("readout")).to_be_visible()
+                if word == "replay":
+                    expect(looking.get_by_role("button", name="Leave the replay")).to_be_visible()
+                looking.close()
+            # The teacher sets an exercise there for all.
+            lesson.assign(template("critical_view").replace('"normal"', '"artery-outside"'))
+            lesson.start()
+            expect(ann.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
+            there = view.session.specimen.anatomy
+            assert there is not None
+            assert there.name == "artery-outside"
+    finally:
+        trainer.stop()

@@ -247,7 +247,9 @@ def test_an_exercise_file_asks_what_the_trainer_would(goal: Goal) -> None:
     found = read_exercise(text).on(phantom(), None)
     assert found.exercise.time_limit_s == 77.0
     assert found.exercise.title == GOALS[goal]
-    assert found.mode == ("dissect" if found.exercise.opening else "pull")
+    opening = found.exercise.opening
+    where = "pull" if opening is None else "dissect" if opening.bed else "anatomy"
+    assert found.mode == where
     assert SetExercise.of_json(found.json) == found
 
 

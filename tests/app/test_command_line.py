@@ -287,7 +287,7 @@ def test_help_of_every_command_has_an_example() -> None:
         (("--preset", "thesis-bile-duct", "--force", 1, "--poisson", 0.4), "leave out --poisson"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--grasp", 60), "below 50.8 mm"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--theory", "x"), "cubic, string"),
-        (("--preset", "thesis-bile-duct", "--force", 1, "--q", -1), "q must be 0 or above"),
+        (("--preset", "thesis-bile-duct", "--force", 1, "--q", -1), "q must be from 0 to 2"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--threshold", 0), "threshold must be"),
         (("--force", 1), "--span, --diameter and --modulus"),
         ((*ROUND[:-4], "--modulus", -1, "--force", 1), "modulus must be above 0 MPa"),
@@ -325,6 +325,27 @@ def test_compress_leaves_out_sections_without_an_edge_and_names_them(tmp_path: P
     assert done.returncode == 0, done.stderr
     assert "slice_1.png" in done.stdout
     assert "4 in, 3 found" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (("--preset", "thesis-bile-duct", "--force", 1e9), "times the span, where no theory"),
+        (("--span", 0.0508, "--diameter", 0.00889, "--modulus", 0.3, "--force", 1e-9),
+         "a span of 0.0508 mm is very short"),
+        (("--span", 50.8, "--diameter", 8.89, "--modulus", 310264, "--force", 1),
+         "a modulus of 310264 MPa is above that of steel"),
+        (("--span", 50.8, "--diameter", 80, "--modulus", 0.3, "--force", 1),
+         "a beam of 80 mm by 50.8 mm is hardly one"),
+    ],
+)  # fmt: skip
+def test_solve_doubts_what_is_most_likely_a_wrong_unit(
+    given: tuple[object, ...], words: str
+) -> None:
+    found = json.loads(run("solve", *given, "--json").stdout)
+    assert [note for note in found["notes"] if words in note], found["notes"]
+    usual = json.loads(run("solve", "--preset", "thesis-bile-duct", "--force", 3, "--json").stdout)
+    assert "notes" not in usual
 
 
 def test_compress_notes_what_may_make_it_another_organ(tmp_path: Path) -> None:

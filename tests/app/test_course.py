@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from program import refused, run
 from simulated import phantom
 
+from app.anatomy import drawn_anatomy
 from app.classroom.benchmarks import PACES, expert_benchmarks, scripted_try
 from app.classroom.class_course import ClassCourse
 from app.classroom.course import (
@@ -122,6 +123,7 @@ def test_the_default_course_is_whole_and_says_whose_its_benchmarks_are() -> None
     course = read_course(default_course())
     assert [each.goal for each in course.level] == [
         "approach_break", "hold_stretch", "gentle_lifts", "window", "follow_front", "free_scar",
+        "stop_bleeding", "critical_view",
     ]  # fmt: skip
     assert {each.source for each in course.benchmark} == {"scripted"}
     assert all("no surgeon has set it" in each.origin for each in course.benchmark)
@@ -129,7 +131,11 @@ def test_the_default_course_is_whole_and_says_whose_its_benchmarks_are() -> None
     for each in course.level:
         asked = each.try_on(phantom(), None, row=1, seed=each.seeds[1])
         assert asked.text == each.step
-        if (opening := asked.exercise.opening) is not None:
+        opening = asked.exercise.opening
+        if opening is not None and opening.anatomy is not None:
+            assert opening.anatomy == drawn_anatomy(each.seeds[1])
+            assert asked.mode == "anatomy"
+        elif opening is not None:
             assert opening.bed_seed == each.seeds[1]
             assert not each.beds or opening.bed == each.beds[1]
 
@@ -355,6 +361,12 @@ def test_the_shipped_benchmarks_are_what_scripted_hands_do() -> None:
         numbers.append(len(session.run.incidents()))
     assert max(numbers) <= benchmark.value
     assert benchmark.n == 20
+    level, blood = course.level_of("bleeding"), course.benchmark_of("bleeding", "blood_lost_ml")
+    assert blood is not None
+    session = scripted_try(level, phantom(), None, row=3, seed=level.seeds[3], pace=PACES[1])
+    assert session.run.outcome is not None
+    assert session.run.outcome.passed, session.run.outcome.reason
+    assert session.metrics()["blood_lost_ml"] <= blood.value
 
 
 def test_a_class_has_a_course_and_a_teacher_sets_levels(store: ClassStore) -> None:

@@ -1,15 +1,17 @@
-"""The exercise *Critical view*, and errors of clips and divisions."""
+"""Exercises at an anatomy: *Critical view*, *Stop a bleeding*; errors of clips and divisions."""
 
 import pytest
 from test_performance import clipped
 
-from app.anatomy import anatomy_named
+from app.anatomy import anatomy_named, drawn_anatomy
 from app.simulation import (
     FEW,
+    MANNERS,
     Replay,
     Session,
     Specimen,
     exercises_offered,
+    perform,
     read_run,
     run_json,
 )
@@ -18,7 +20,7 @@ from app.simulation import (
 def begun(tube: str = "gallbladder", station: float = 20.0) -> Session:
     """A session in which the exercise was started, with a hold taken."""
     session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
-    (exercise,) = exercises_offered(session)
+    exercise = next(each for each in exercises_offered(session) if each.name == "critical_view")
     assert exercise.about is not None
     assert set(exercise.about) == {"gallbladder", "cystic", "artery"}
     session.start_exercise(exercise)
@@ -54,11 +56,11 @@ def lifted(session: Session) -> str:
 
 
 def test_it_fails_by_a_wrong_structure_and_by_a_vessel_that_is_pulled_off() -> None:
-    assert "you pulled on the common with" in lifted(begun("common", 15.0))
+    assert "you pulled on the common duct with" in lifted(begun("common", 15.0))
     session = begun("artery", 10.0)
     reason = lifted(session)
     assert reason.startswith("At "), reason
-    assert "the artery tore at" in reason
+    assert "the cystic artery tore at" in reason
     assert {"tear", "tension_on_vessel"} <= {each.error for each in session.run.incidents()}
     kept = read_run(run_json(session.run_file()))
     again = Replay(kept.log, session.spatial.dissection.organ)
@@ -76,3 +78,33 @@ def test_a_duct_that_is_divided_too_early_and_with_too_few_clips_is_two_errors()
         assert found["clip_short"].station_mm == pytest.approx(12.0, abs=1.0)
         assert "with 0 of 6 points" in found["divided_before_view"].sentence
         assert "clip_wrong_tube" not in found, "no exercise says which is wrong"
+
+
+@pytest.mark.parametrize("seed", [1, 11])
+def test_a_bleeding_is_stopped_by_a_clip_on_the_side_it_comes_from(seed: int) -> None:
+    """It tears with the first touch; blood lost is what the flow gave until the clip."""
+    session = Session(Specimen.of_anatomy(drawn_anatomy(seed)), vertices=FEW)
+    exercise = next(each for each in exercises_offered(session) if each.name == "stop_bleeding")
+    session.start_exercise(exercise)
+    session.advance(30)
+    assert session.reading().fluids[0].rate_ml_s == 0.0, "nothing is torn before the first touch"
+    perform(session, MANNERS["stop_bleeding"]["good"])
+    assert session.run.outcome is not None
+    assert session.run.outcome.passed, session.run.outcome
+    lost = session.metrics()["blood_lost_ml"]
+    assert 0.0 < lost == pytest.approx(session.reading().fluids[0].lost_ml)
+    assert exercise.limit_of["blood_lost_ml"] == pytest.approx(6.0 * lost, abs=0.5)
+    assert [each.kind for each in session.spatial.events] == ["bleeding", "clip", "stanched"]
+    assert session.metrics()["tear"] is None
+    kept = read_run(run_json(session.run_file()))
+    again = Replay(kept.log, session.spatial.dissection.organ)
+    assert kept.agrees_with(again.run_file())
+    # Who only looks on has lost as much after as much time, and fails by it, with the errors that
+    # are his own alone.
+    session.start_exercise(exercise)
+    session.open_jaws(1, 7.0)
+    while not session.run.over:
+        session.advance()
+    assert session.run.outcome is not None
+    assert "ml of blood were lost, more than" in session.run.outcome.reason
+    assert session.run.incidents() == []

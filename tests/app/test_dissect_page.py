@@ -1,19 +1,32 @@
 """A duct in its bed in a real browser: hands, read-out, tear, bed, and the page's two modes."""
 
+import re
 from collections.abc import Iterator
 from itertools import chain, repeat
 from typing import Literal
 
 import numpy as np
 import pytest
+from axe import faults
 from browser import TrainerPage, catch_up, newest, newest_dissection, stop_time, trainer_page
 from playwright.sync_api import Browser, expect
 from projection import picture_points
 from simulated import bed_exercises, bed_session, phantom
 
-from app.simulation import MANNERS, Feedback, Hand, Session, bed_named, perform
+from app.simulation import (
+    ERROR_CLASSES,
+    MANNERS,
+    Feedback,
+    Hand,
+    Incident,
+    Outcome,
+    Session,
+    bed_named,
+    perform,
+)
 from app.trainer.client.page_state import NUDGE
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
+from app.trainer.panel.debrief import next_time
 from app.trainer.panel.page_panel import PagePanel
 from app.trainer.scene import drag_proxy
 from app.trainer.server.trainer import Trainer
@@ -471,7 +484,7 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
 def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand(
     browser: Browser, dissections: Trainer
 ) -> None:
-    with trainer_page(browser, dissections.address, height=900) as tab:
+    with trainer_page(browser, dissections.address, height=800) as tab:
         view = newest_dissection(dissections)
         session, page = view.session, tab.page
         exercise = next(e for e in bed_exercises(session) if e.name == "follow_front")
@@ -503,6 +516,13 @@ def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand
         expect(told.first).to_contain_text("left hand, at ")
         expect(page.get_by_test_id("timeline").locator("rect")).to_have_count(len(found))
         expect(page.get_by_test_id("debrief-numbers")).to_contain_text("scripted expert")
+        instead = ERROR_CLASSES["behind_front"].instead.format(**found[0].values)
+        expect(page.get_by_test_id("next-time")).to_have_text(f"Next time: {instead}")
+        # All of it is on one screen, and nothing in it is against the rules of accessibility.
+        room = page.get_by_role("dialog").bounding_box()
+        assert room is not None
+        assert 0.0 <= room["y"] < room["y"] + room["height"] <= 800.0
+        assert faults(page, "debrief") == []
         # No hand moves the duct under its result.
         there = session.spatial.hands[1].target.tolist()
         view.state.choose_hand(1)
@@ -520,6 +540,40 @@ def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand
         expect(page.get_by_test_id("replayed-error")).to_contain_text(found[0].sentence)
         tab.press("Leave the replay")
         tab.wait_until(lambda: view.state.playback is None)
+        # The scripted expert where he has freed as much.
+        tab.open("Learn")
+        tab.press("Result of the last run")
+        page.get_by_role("button", name="Expert there").first.click()
+        tab.wait_until(lambda: view.state.playback is not None)
+        expert = playback(view)
+        expert.pause()
+        assert isinstance(expert, ReplayPlayback)
+        assert expert.session.run.exercise == exercise
+        assert expert.session.tissue.reading().freed <= session.reading().freed + 2.0
+        tab.press("Leave the replay")
+        tab.wait_until(lambda: view.state.playback is None)
+
+
+def test_the_next_try_is_told_by_the_error_of_most_tries_else_by_the_limit() -> None:
+    session = bed_session(phantom(), vertices=300)
+    exercise = next(e for e in bed_exercises(session) if e.name == "window")
+
+    def error(key: str, at: float) -> Incident:
+        return Incident(key, at, at, 0, 0, 20.0, "none", {"speed": 10.0, "front": 45.0})
+
+    fast, lean = error("fast_in_tissue", 1.0), error("leaning", 2.0)
+    metrics = {"peak_stress_ratio": 0.99}
+    failed = Outcome(False, "Too far.")
+    assert next_time(exercise, failed, metrics, [[fast], [lean, lean, lean], [fast]]) == (
+        "Go in slowly, below 10 mm/s you can stop in time, and then spread. "
+        "That was an error in 2 of 3 tries."
+    )
+    assert next_time(exercise, failed, metrics, [[], [lean]]) == "Pull away from the bed."
+    alone = next_time(exercise, failed, metrics, [[error("tear", 3.0)]])
+    assert re.fullmatch(r"The wall never past \d+ % of its break\.", alone)
+    in_time = next_time(exercise, failed, {}, [[]])
+    assert in_time.startswith("Lose no time")
+    assert "no luck" in next_time(exercise, Outcome(True, "Freed."), {}, [[]])
 
 
 def test_figures_hidden_in_an_exercise_are_hidden(browser: Browser, dissections: Trainer) -> None:

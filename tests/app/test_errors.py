@@ -172,7 +172,7 @@ def test_errors_at_several_tubes_name_the_tube_and_what_it_lost() -> None:
     found = {each.error: each for each in session.run.incidents()}
     (tear,) = [event for event in session.spatial.events if event.kind == "tear"]
     assert (found["tear"].tube, found["tear"].station_mm) == (artery, tear.station)
-    assert f"the artery tore at {tear.station:.0f} mm" in found["tear"].sentence
+    assert f"the cystic artery tore at {tear.station:.0f} mm" in found["tear"].sentence
     tension, bleeding = found["tension_on_vessel"], found["bleeding"]
     assert tension.tube == bleeding.tube == artery
     assert tension.start_s < found["tear"].start_s <= bleeding.start_s
@@ -206,4 +206,4 @@ def test_a_structure_that_an_exercise_is_not_about_is_a_wrong_one() -> None:
             attempt.take()
         ends.append("" if attempt.outcome is None else attempt.outcome.reason)
     assert ends[0] == ""
-    assert "you pulled on the common with" in ends[1]
+    assert "you pulled on the common duct with" in ends[1]

@@ -6,12 +6,12 @@ from datetime import UTC, datetime, timedelta
 
 import msgspec
 import pytest
+from axe import faults
 from browser import PATIENCE, new_context
 from class_runs import record
 from playwright.sync_api import Browser, Page, expect
 from program import free_port
 from simulated import phantom
-from test_view import faults
 
 from app.classroom.course import default_course
 from app.classroom.store import ClassStore, RunRecord

@@ -71,7 +71,7 @@ def test_unknown_theory_names_those_there_are() -> None:
         theory_named("spline")
     with pytest.raises(ValueError, match="q belongs to the cubic"):
         theory_named("string", q=0.5)
-    with pytest.raises(ValueError, match="q must be 0 or above"):
+    with pytest.raises(ValueError, match="q must be from 0 to 2"):
         theory_named("cubic", q=-0.5)
 
 

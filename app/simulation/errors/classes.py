@@ -162,10 +162,10 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             ),
         ),
         ErrorClass(
-            "blind_stab", "Stabbed behind the duct unseen", 7,
+            "blind_stab", "Stabbed in unseen", 7,
             "the tip of an instrument that touches strands moves faster than `speed`, over 0.1 s, "
-            "where the duct hides it from the viewer",
-            "at {t:.1f} s the tip went in behind the duct at {v:.0f} mm/s, where you could not see "
+            "where a tube hides it from the viewer",
+            "at {t:.1f} s the tip went in behind {what} at {v:.0f} mm/s, where you could not see "
             "it: {d:.0f} mm in a reaction time",
             "Go in at {speed:.0f} mm/s or less, or turn the view.",
             (
@@ -342,18 +342,24 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             (Parameter("most", "", 0.5, "half of the break"),),
         ),
         ErrorClass(
-            "instrument_on_wall", "Pressed on the duct itself", 7,
-            "a jaw or a swab presses on the duct with more than `force`, as a mean of 0.13 s",
-            "at {t:.1f} s the {tool} pressed on the duct with {f:.1f} N",
-            "Keep to the strands: lift the duct, or go round it.",
-            (Parameter("force", "N", 0.35, "a choice: closed jaws that pass behind press less"),),
+            "instrument_on_wall", "Pressed on the wall itself", 7,
+            "a jaw or a swab presses on a tube with more than `force`, as a mean of 0.13 s",
+            "at {t:.1f} s the {tool} pressed on {what} with {f:.1f} N",
+            "Keep to the strands: lift it, or go round it.",
+            (
+                Parameter(
+                    "force", "N", 0.5,
+                    "lifts the wall of the thesis's duct in the bed *normal* to a tenth of its "
+                    "break, 0.49 N",
+                ),
+            ),
         ),
         ErrorClass(
             "unseen", "Tore what you did not see", 9,
             "in one tick `strands` or more strands part on the side away from the viewer, more "
             "than 5 mm from every instrument",
             "at {t:.1f} s {n:.0f} strands on the far side parted, out of sight",
-            "Lift less and work closer, or turn the duct.",
+            "Lift less and work closer, or turn the view.",
             (
                 Parameter(
                     "strands", "",

@@ -11,6 +11,9 @@ __all__ = ["Pace", "PullErrorFinder"]
 PULL_TICKS, NEAR_TICKS = 4, 12
 """Ticks over which the growth of the stress ratio is taken, and that near the break: over fewer a
 hand's tremor is most of it."""
+SMOOTH_TICKS = 3
+"""Ticks whose mean each end of the growth near the break is: 0.1 s, nearly a whole tremor."""
+KEPT_TICKS = NEAR_TICKS + SMOOTH_TICKS
 BEFORE = "strands parted before you could stop"
 
 
@@ -19,7 +22,7 @@ class Pace:
 
     def __init__(self, incidents: Incidents) -> None:
         self._incidents = incidents
-        self._stress_ratios = deque([0.0] * (NEAR_TICKS + 1), maxlen=NEAR_TICKS + 1)
+        self._stress_ratios = deque([0.0] * KEPT_TICKS, maxlen=KEPT_TICKS)
 
     @property
     def ratio(self) -> float:
@@ -47,17 +50,18 @@ class Pace:
             self._incidents.note("fast_pull", hand, at, speed, v=speed, left=BEFORE)
         elif self.ratio > near["least"]:
             mean = sum(self._stress_ratios[-1 - k] for k in range(PULL_TICKS)) / PULL_TICKS
-            left = self._left(NEAR_TICKS)
+            left = self._left(NEAR_TICKS, SMOOTH_TICKS)
             if mean > near["least"] and left < near["seconds"]:
                 growth = (1.0 - self.ratio) / left if left > 0.0 else math.inf
                 self._incidents.note(
                     "near_break_fast", hand, at, growth, p=100.0 * self.ratio, g=100.0 * growth
                 )
 
-    def _left(self, ticks: int) -> float:
-        """Return 1 less the ratio over its growth, s."""
-        ratio = self._stress_ratios[-1]
-        growth = ratio - self._stress_ratios[-1 - ticks]
+    def _left(self, ticks: int, smooth: int = 1) -> float:
+        """Return 1 less the ratio over its growth, s; each end is a mean of some ticks."""
+        ratios = self._stress_ratios
+        ratio = ratios[-1]
+        growth = sum(ratios[-1 - k] - ratios[-1 - ticks - k] for k in range(smooth)) / smooth
         return max(1.0 - ratio, 0.0) * ticks * TICK_SECONDS / growth if growth > 0.0 else math.inf
 
 

@@ -83,7 +83,7 @@ def stair(levels: Sequence[LevelStanding], now: LevelStanding | None) -> str:
         if now.last:
             parts.append(f"<br>Last: {html.escape(now.last)}")
         if now.seed is not None:
-            parts.append("<br>Each try is another bed. <i>Try again</i> is practice on the same.")
+            parts.append("<br>Each try is another case. <i>Try again</i> is practice on the same.")
     return "".join(parts)
 
 

@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 import msgspec
 import viser
 
+from app.anatomy import anatomy_named
 from app.classroom.class_course import ClassCourse
 from app.classroom.exercise_file import SetExercise, read_exercise
 from app.classroom.progress import Try, next_level
@@ -75,8 +76,9 @@ class _Member:
     last: str = ""
     saved_at: float = 0.0
     save_after: float = SAVE_SECONDS
-    # of the course that was put on the duct, and its exercise
-    level: tuple[str, Exercise] | None = None
+    # of the course that was put on the duct, its exercise, and the seed of bed or anatomy
+    level: tuple[str, Exercise, int | None] | None = None
+    busy: bool = False  # whether an exercise waited or went on at the last look
     lock: threading.Lock = field(default_factory=threading.Lock)  # while a duct is put there
 
 
@@ -284,7 +286,7 @@ class Lesson:
         current, person = self.assignment, member.person
         if person is None:
             return
-        level: tuple[str, Exercise] | None = None
+        level: tuple[str, Exercise, int | None] | None = None
         if current is not None and current[0].goes_on:
             asked = current[1]
         else:
@@ -292,21 +294,28 @@ class Lesson:
             if found is None:
                 return
             asked = found[1]
-            level = found[0].level, asked.exercise
+            level = found[0].level, asked.exercise, found[0].seed
         view = member.view
         preset = self._preset if asked.preset is None else preset_named(asked.preset)
         wanted = preset or default_preset(self._organ)
         with member.lock:
             try:
                 view.state.keep_run()
-                there = view.session.tissue.dissection
-                # A free duct's threshold and theory can be chosen: a new one has its own.
-                same = there.organ is self._organ and there.preset == wanted
-                scene = OLDER_NAMES[asked.mode]
-                # What the page began with may have been put into a bed, or into space.
-                if view.scene != scene or not same or view.state.in_plane or scene == "free":
-                    view.show_duct(self._organ, preset, scene)
+                opening = asked.exercise.opening
+                if opening is not None and opening.anatomy is not None:
+                    view.show_anatomy(anatomy_named(opening.anatomy))
+                else:
+                    there = view.session.tissue.dissection
+                    # A free duct's threshold and theory can be chosen: a new one has its own.
+                    same = there.organ is self._organ and there.preset == wanted
+                    scene = OLDER_NAMES[asked.mode]
+                    # What the page began with may have been put into a bed, or into space.
+                    if view.scene != scene or not same or view.state.in_plane or scene == "free":
+                        view.show_duct(self._organ, preset, scene)
                 member.level = level
+                course = self.course.course
+                if level is not None and course is not None:
+                    view.state.marks = asked.exercise, course.marks(course.level_of(level[0]))
                 view.state.start_exercise(asked.exercise, asked.feedback)
                 open_tab(view.client, LEARN)
             except Exception:  # the page may have gone
@@ -401,11 +410,7 @@ class Lesson:
                 return None
             run = read_run(kept.file)
 
-            def replay(view: PageView) -> None:
-                state = view.state
-                state.attempt("Making the run again.", lambda: state.start_replay(run))
-
-            return WatchRequest("bed" if run.log.start.in_bed else "free", replay)
+            return WatchRequest(OLDER_NAMES[_mode(run)], lambda view: view.replay(run))
         person_id = asked_by_address(client, "watch")
         if person_id is None:
             return None
@@ -419,6 +424,9 @@ class Lesson:
             return None if there is None else there.view.session
 
         def watch(view: PageView) -> None:
+            anatomy = member.view.session.specimen.anatomy
+            if anatomy is not None:
+                view.show_anatomy(anatomy)
             view.state.watch(member.view.session, find)
 
         return WatchRequest(member.view.scene, watch)
@@ -463,7 +471,7 @@ class Lesson:
         exercise: Exercise | None = run.exercise
         level = member.level[0] if member.level and member.level[1] == exercise else None
         level = None if mine else level
-        opening = exercise.opening if level and exercise else None
+        seed = member.level[2] if level and member.level else None
         course = self.course.course
         titled = course.level_of(level).title if course and level else ""
         incidents = run.incidents() if finished else None
@@ -477,7 +485,7 @@ class Lesson:
                 id=run_id,
                 person_id=person.id,
                 assignment_id=current[0].id if mine and current is not None else None,
-                mode="dissect" if content.log.start.in_bed else "pull",
+                mode=_mode(content),
                 title=current[1].title
                 if mine and current is not None
                 else titled or run_title(content),
@@ -488,7 +496,7 @@ class Lesson:
                 measures=msgspec.json.encode(content.metrics).decode(),
                 file=run_json(content),
                 level=level,
-                seed=None if opening is None else opening.bed_seed,
+                seed=seed if level else None,
                 incidents=None if incidents is None else msgspec.json.encode(incidents).decode(),
             )
             member.save_after = max(SAVE_SECONDS, PATIENCE * (time.monotonic() - began))
@@ -517,7 +525,9 @@ class Lesson:
             for member in self._all():
                 if time.monotonic() - member.saved_at > member.save_after:
                     self._save_unfinished(member)
-                if changed or self._assignment is not None:
+                busy = member.view.state.in_exercise
+                if changed or busy != member.busy or self._assignment is not None:
+                    member.busy = busy
                     self._show_safely(member)
 
     def _show_all(self) -> None:
@@ -533,6 +543,13 @@ class Lesson:
     def _all(self) -> list[_Member]:
         with self._lock:
             return list(self._members.values())
+
+
+def _mode(run: RunFile) -> str:
+    """Return what a run is of, as a class's file has it."""
+    if run.log.start.anatomy is not None:
+        return "anatomy"
+    return "dissect" if run.log.start.in_bed else "pull"
 
 
 def _best(top: Result) -> str:

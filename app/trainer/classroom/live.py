@@ -34,6 +34,8 @@ def live(session: Session, *, replaying: bool) -> Live:
     hands = [place for place, held in zip(reading.places, reading.holding, strict=True) if held]
     mode = "Dissect" if in_bed else "Pull"
     standing = f"{reading.freed:.0f} mm free" if in_bed else f"{reading.force:.2f} N"
+    if session.specimen.anatomy is not None:
+        mode, standing = "Calot's triangle", f"{reading.broken} strands broken"
     exercise = run.exercise
     if replaying:
         state = "watching a replay"

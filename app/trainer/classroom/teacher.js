@@ -87,7 +87,7 @@ function replaceOpen(where, parts) {
 
 // An exercise file from the fields of the form.
 function written() {
-    const goal = $("goal").value, inBed = !$("form").querySelector(`[data-goal=${goal}]`).dataset.bed.includes("0");
+    const goal = $("goal").value, where = $("form").querySelector(`[data-goal=${goal}]`).dataset.where;
     const lines = [`title = ${JSON.stringify($("title").value || $("goal").selectedOptions[0].text)}`,
         `text = ${JSON.stringify($("words").value)}`, `goal = "${goal}"`, `feedback = "${$("feedback").value}"`];
     const number = input => {
@@ -96,9 +96,10 @@ function written() {
     };
     const filled = where => [...where.querySelectorAll("input[data-key]")].filter(input => input.value !== "");
     const seed = $("form").querySelector("[data-key=seed]");
-    if (inBed) {
+    if (where) {
         lines.push("", "[duct]");
-        if ($("bed").value) lines.push(`bed = ${JSON.stringify($("bed").value)}`);
+        if (where === "anatomy") lines.push(`anatomy = ${JSON.stringify($("anatomy").value)}`);
+        else if ($("bed").value) lines.push(`bed = ${JSON.stringify($("bed").value)}`);
         if (seed.value) lines.push(number(seed));
     }
     lines.push("", "[limits]", ...filled($("form").querySelector(`[data-goal=${goal}]`)).map(number));
@@ -108,8 +109,8 @@ function written() {
 
 function fitForm() {
     for (const fields of $("form").querySelectorAll("[data-goal]")) fields.hidden = fields.dataset.goal !== $("goal").value;
-    const inBed = $("form").querySelector(`[data-goal=${$("goal").value}]`).dataset.bed === "1";
-    for (const field of $("form").querySelectorAll(".of-bed")) field.hidden = !inBed;
+    const where = $("form").querySelector(`[data-goal=${$("goal").value}]`).dataset.where;
+    for (const field of $("form").querySelectorAll(".of-bed, .of-anatomy")) field.hidden = !field.classList.contains(`of-${where}`);
     $("title").placeholder = $("goal").selectedOptions[0].text;
 }
 

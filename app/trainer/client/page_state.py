@@ -96,6 +96,8 @@ class PageState:
         self.spread: Spread | None = None  # of the ducts of a band beside the distance to break
         self.kept: Callable[[], None] = lambda: None
         self.paused = False  # whether the session's time stands still
+        self.marks: tuple[Exercise, dict[str, float]] | None = None
+        """Benchmarks of a course by metric, and the exercise that they are of."""
         self.pulls = 0  # number of changes of the pull that no slider has made
         self.hand = 0
         self._dragged: int | None = None  # the hand that the mouse leads
@@ -261,6 +263,10 @@ class PageState:
         self.client.gui.reset()
 
     # Runs
+
+    def marks_of(self, exercise: Exercise | None) -> dict[str, float]:
+        """Return the benchmarks that a course has for an exercise, by metric."""
+        return self.marks[1] if self.marks is not None and self.marks[0] == exercise else {}
 
     def run_so_far(self) -> RunFile:
         """Return the run in progress; a `ValueError` before its start."""

@@ -12,8 +12,8 @@ __all__ = ["OLDER_NAMES", "SCENES", "Practice", "SceneName", "Start"]
 
 SceneName = Literal["calot", "bed", "free"]
 SCENE_NAMES: tuple[SceneName, ...] = get_args(SceneName)
-OLDER_NAMES: dict[str, SceneName] = {"dissect": "bed", "pull": "free"}
-"""What scenes were called before, and are in files of exercises and classes."""
+OLDER_NAMES: dict[str, SceneName] = {"dissect": "bed", "pull": "free", "anatomy": "calot"}
+"""What scenes are called in files of exercises and classes."""
 
 
 class Start(NamedTuple):

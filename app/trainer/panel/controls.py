@@ -13,6 +13,7 @@ from app.trainer.viser_bridge.private_api import page_number
 __all__ = [
     "KPA_PER_MPA",
     "Choice",
+    "command",
     "figure",
     "heading",
     "note",
@@ -57,6 +58,25 @@ def on_click(handle: viser.GuiButtonHandle, do: Callable[[], object]) -> None:
     def _(_: object) -> None:
         if handle.visible and not handle.disabled:
             do()
+
+
+def command(
+    gui: viser.GuiApi, name: str, hint: str, take: Callable[[], object], *, slow: bool
+) -> viser.CommandHandle:
+    """Add a command, which what has its `page_number` as `data-command` runs when pressed."""
+    made = gui.add_command(name, description=hint)
+    if slow:
+
+        @made.on_trigger
+        def _(_: object) -> None:
+            take()
+    else:
+
+        @made.on_trigger
+        async def _(_: object) -> None:
+            take()
+
+    return made
 
 
 def set_if_changed(handle: Any, **values: object) -> None:
@@ -153,30 +173,14 @@ class Choice(Generic[Value]):
                 value,
                 text,
                 hint,
-                self._command(gui, f"{label}: {text}", hint, partial(take, value), slow),
+                page_number(
+                    command(gui, f"{label}: {text}", hint, partial(take, value), slow=slow)
+                ),
             )
             for value, (text, hint) in options.items()
         ]
         self._row = gui.add_html("")
         self._shown: tuple[Value, bool] | None = None
-
-    @staticmethod
-    def _command(
-        gui: viser.GuiApi, name: str, hint: str, take: Callable[[], object], slow: bool
-    ) -> str:
-        command = gui.add_command(name, description=hint)
-        if slow:
-
-            @command.on_trigger
-            def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
-                take()
-        else:
-
-            @command.on_trigger
-            async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
-                take()
-
-        return page_number(command)  # as a button's `data-command`
 
     def show(self, chosen: Value, *, active: bool = True) -> None:
         """Show which one is chosen, and whether this row is the one in use."""

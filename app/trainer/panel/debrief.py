@@ -1,26 +1,51 @@
-"""A debrief: the errors of a run on its time, each with what to do instead and its moment."""
+"""A debrief: what to do next time, three numbers, and a run's errors, each with its moment."""
 
 import html
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation import ERROR_CLASSES, Exercise, Incident, Metrics, Series
-from app.trainer.panel.controls import on_click
+from app.simulation import (
+    ERROR_CLASSES,
+    METRIC_OF,
+    Exercise,
+    FreeLength,
+    Incident,
+    Metrics,
+    Outcome,
+    Series,
+)
+from app.trainer.panel.controls import command
 from app.trainer.panel.plots import DISTANCE_COLOUR, HAND_COLOURS, LIMIT_COLOUR
+from app.trainer.viser_bridge.private_api import page_number
 
-__all__ = ["BEFORE", "add_debrief", "where"]
+__all__ = ["BEFORE", "Done", "add_debrief", "next_time", "where"]
 
 BEFORE = 1.0
 """s before an error from which its moment is played."""
 MOST_ERRORS = 12
 """Errors that are told one by one, the first of a run."""
 MOST_POINTS = 300
-WIDTH, HEIGHT, LEFT, ROW = 420.0, 92.0, 34.0, 15.0
+WIDTH, HEIGHT, LEFT, ROW = 260.0, 80.0, 30.0, 15.0
 """px of the picture, of its curve, of the room left of it, and of a hand's row of marks."""
+LIST_PX = 150
+"""Height of the list of errors, which scrolls: all else fits beside it on a small screen."""
 HANDS = ("left hand", "right hand")
+PAST = "#ff8a80"
+HEAD = "text-align:right;font-weight:400;padding-left:12px;max-width:72px;vertical-align:bottom"
+
+
+class Done(NamedTuple):
+    """A run that is over: its measures, errors, and what the instruments showed."""
+
+    metrics: Metrics
+    incidents: Sequence[Incident]
+    series: Series
 
 
 def where(each: Incident, *, hands: bool) -> str:
@@ -33,93 +58,196 @@ def where(each: Incident, *, hands: bool) -> str:
     return ", ".join(parts)
 
 
+def next_time(
+    exercise: Exercise,
+    outcome: Outcome | None,
+    metrics: Metrics,
+    tries: Sequence[Sequence[Incident]],
+) -> str:
+    """Return what to do in the next try, in a sentence.
+
+    Parameters
+    ----------
+    exercise, outcome, metrics
+        Of this try.
+    tries
+        The errors of the last tries, this one's at the end.
+
+    Returns
+    -------
+    str
+    """
+    errors = [each for one in tries for each in one if each.error != "tear"]
+    if errors:
+        # The error of most tries; of those the one that is a failure's cause before others.
+        often = Counter(key for one in tries for key in {each.error for each in one})
+        del often["tear"]
+        rank = list(ERROR_CLASSES)
+        key = min(often, key=lambda each: (-often[each], rank.index(each)))
+        last = next(each for each in reversed(errors) if each.error == key)
+        instead = ERROR_CLASSES[key].instead.format(**last.values)
+        again = f" That was an error in {often[key]} of {len(tries)} tries." * (often[key] > 1)
+        return f"{instead}{again}"
+    if outcome is not None and outcome.passed:
+        return "The same once more, so that it was no luck."
+    for each in exercise.limits:
+        metric = METRIC_OF.get(each.of)
+        value: float | list[float] | None = metrics.get(each.of)
+        largest = max(value) if isinstance(value, list) else value
+        if metric is not None and largest is not None and each.passed_by(largest):
+            words = metric.limit_words(each.value)
+            return f"{words[0].upper()}{words[1:]}."
+    return "Lose no time where nothing is under load, and go on slowly where the wall is."
+
+
 def add_debrief(
     gui: viser.GuiApi,
     exercise: Exercise | None,
-    series: Series,
-    metrics: Metrics,
-    incidents: Sequence[Incident],
-    expert: tuple[Metrics, Sequence[Incident]] | None,
-    watch: Callable[[float], object],
-) -> None:
-    """Add a run's errors: three numbers, all on its time, and each with a button to its moment.
-
-    `watch` plays the run from a time, s, on.
-    """
+    done: Done,
+    expert: Done | None,
+    marks: Mapping[str, float],
+    advice: str,
+    play: Callable[[float], object],
+    play_expert: Callable[[float], object],
+) -> Callable[[], None]:
+    """Add a run's debrief; return what forgets its commands once it is closed."""
+    # `marks` are a course's benchmarks by metric; `play` and `play_expert` play the run and the
+    # expert's from a time, s, on.
+    series, incidents = done.series, done.incidents[:MOST_ERRORS]
     in_space = "stress_ratio" in series.columns
-    fraction = series["stress_ratio"] if in_space else 1.0 - series["distance_to_break"]
-    limit = None if exercise is None else exercise.limit_of.get("peak_stress_ratio")
-    gui.add_html(_numbers_html(metrics, incidents, expert, limit))
-    if len(fraction):
-        gui.add_html(_timeline_html(series["time_s"], fraction, limit, incidents, in_space))
-    if not incidents:
-        gui.add_html(_line("No errors were found in this run."))
-    for number, each in enumerate(incidents[:MOST_ERRORS], 1):
+    limits = {} if exercise is None else exercise.limit_of
+    aligned = expert is not None and exercise is not None and isinstance(exercise.goal, FreeLength)
+    same = _same_freed(series, expert.series) if aligned and expert is not None else None
+    commands: list[viser.CommandHandle] = []
+
+    def runs(name: str, hint: str, act: Callable[[], object]) -> str:
+        commands.append(command(gui, name, hint, act, slow=True))
+        return page_number(commands[-1])
+
+    moments: list[str] = []
+    rows: list[str] = []
+    for number, each in enumerate(incidents, 1):
         at = max(each.start_s - BEFORE, 0.0)
-        button = gui.add_button(
-            f"{number}. {ERROR_CLASSES[each.error].title}, {each.start_s:.1f} s",
-            icon=viser.Icon.PLAYER_PLAY,
-            color="gray",
-            hint=f"Play it from {at:.1f} s on",
-        )
-        on_click(button, lambda at=at: watch(at))
+        title = f"{number}. {ERROR_CLASSES[each.error].title}, {each.start_s:.1f} s"
+        moments.append(runs(title, f"Play it from {at:.1f} s on", partial(play, at)))
+        buttons = _button(moments[-1], title, f"Play it from {at:.1f} s on")
+        if same is not None:
+            there = float(same[min(np.searchsorted(series["time_s"], at), len(same) - 1)])
+            hint = "Play the scripted expert from where as much is free"
+            uuid = runs(f"{number}. The expert there", hint, partial(play_expert, there))
+            buttons += " " + _button(uuid, "Expert there", hint)
         small = where(each, hands=in_space)
-        gui.add_html(
-            _line(f"{html.escape(each.sentence)} <small>{html.escape(small)}</small>", "error")
+        rows.append(
+            f"<li data-testid='error' style='margin:0 0 8px'>{buttons}<div>"
+            f"{html.escape(each.sentence)} <small>{html.escape(small)}</small></div></li>"
         )
-    if len(incidents) > MOST_ERRORS:
-        gui.add_html(_line(f"And {len(incidents) - MOST_ERRORS} more, which a replay shows."))
-
-
-def _line(content: str, name: str = "errors") -> str:
-    return (
-        f"<div data-testid='{name}' style='padding:0 12px 10px;font-size:13px;line-height:1.4'>"
-        f"{content}</div>"
+    if len(done.incidents) > MOST_ERRORS:
+        rows.append(f"<li>And {len(done.incidents) - MOST_ERRORS} more, which a replay shows.</li>")
+    errors = (
+        f"<ol style='list-style:none;margin:6px 0 0;padding:0;max-height:{LIST_PX}px;"
+        f"overflow-y:auto' tabindex='0' aria-label='Errors'>{''.join(rows)}</ol>"
+        if rows
+        else "<p data-testid='errors'>No errors were found in this run.</p>"
     )
+    parts = [_numbers_html(done, expert, limits, marks)]
+    if len(series["time_s"]):
+        limit = limits.get("peak_stress_ratio")
+        parts.append(_timeline_html(series, expert, same, limit, incidents, moments, in_space))
+    gui.add_html(
+        "<div style='padding:0 12px 8px;font-size:13px;line-height:1.4'>"
+        f"<p data-testid='next-time' style='margin:0 0 6px;font-size:14px'><b>Next time:</b> "
+        f"{html.escape(advice)}</p>"
+        f"<div style='display:flex;flex-wrap:wrap;gap:4px 12px;align-items:flex-start'>"
+        f"{''.join(parts)}</div>{errors}</div>"
+    )
+
+    def forget() -> None:
+        for each in commands:
+            each.remove()
+
+    return forget
+
+
+def _button(uuid: str, text: str, hint: str) -> str:
+    return (
+        f"<button type='button' data-command='{uuid}' title='{html.escape(hint, quote=True)}' "
+        "style='font:inherit;color:inherit;background:rgba(255,255,255,.1);cursor:pointer;"
+        "border:1px solid rgba(255,255,255,.25);border-radius:6px;padding:3px 10px;"
+        f"margin:0 4px 3px 0'><span aria-hidden='true'>▶ </span>{html.escape(text)}</button>"
+    )
+
+
+def _same_freed(mine: Series, theirs: Series) -> NDArray[np.float64]:
+    """Return (T,) the time at which another run has freed as much as one at each tick, s."""
+    freed = np.maximum.accumulate(theirs["freed_mm"])
+    index = np.searchsorted(freed, mine["freed_mm"] - 1e-9)
+    return theirs["time_s"][np.minimum(index, len(freed) - 1)]
 
 
 def _numbers_html(
-    metrics: Metrics,
-    incidents: Sequence[Incident],
-    expert: tuple[Metrics, Sequence[Incident]] | None,
-    limit: float | None,
+    done: Done, expert: Done | None, limits: Mapping[str, float], marks: Mapping[str, float]
 ) -> str:
     """Return errors, highest stress and time of a run beside those of the scripted expert."""
-    peak = 100.0 * (1.0 - float(metrics["smallest_distance_to_break"]))
-    rows = [["Errors", f"{len(incidents)}"], ["Peak, % of break", f"{peak:.0f}"]]
-    rows.append(["Time, s", f"{float(metrics['time_s']):.1f}"])
-    head = ["", "you"]
-    if expert is not None:
-        best, found = expert
-        highest = 100.0 * (1.0 - float(best["smallest_distance_to_break"]))
-        figures = f"{len(found)}", f"{highest:.0f}", f"{float(best['time_s']):.1f}"
-        head.append("scripted expert")
-        rows = [[*row, figure] for row, figure in zip(rows, figures, strict=True)]
-    if limit is not None:
-        head.append("limit")
-        ends = "", f"{100.0 * limit:.0f}", ""
-        rows = [[*row, end] for row, end in zip(rows, ends, strict=True)]
-    cell = "<td style='text-align:right;padding:1px 0 1px 14px'>{}</td>"
-    heads = "".join(f"<th style='text-align:right;font-weight:400'>{each}</th>" for each in head)
-    body = "".join(
-        f"<tr><td>{row[0]}</td>{''.join(cell.format(each) for each in row[1:])}</tr>"
-        for row in rows
+    named = [("incidents", "Errors"), ("peak_stress_ratio", "Peak stress, % of break"),
+             ("time_s", "Time, s")]  # fmt: skip
+    if "blood_lost_ml" in limits or "blood_lost_ml" in marks:
+        named.append(("blood_lost_ml", "Blood lost, ml"))
+    head = ["", "you", *(["scripted expert"] if expert is not None else [])]
+    bounds = [("limit", limits), ("benchmark", marks)]
+    bounds = [(name, each) for name, each in bounds if any(key in each for key, _ in named)]
+    rows: list[str] = []
+    for key, title in named:
+        own = _number(done, key)
+        past = any(own > each[key] * (1.0 + 1e-9) for _, each in bounds if key in each)
+        shown = [_shown(key, own), *([_shown(key, _number(expert, key))] if expert else [])]
+        if past:
+            shown[0] = (
+                f"<b style='color:{PAST}'><u>{shown[0]}</u>"
+                "<span class='bd-unseen'>, past it</span></b>"
+            )
+        shown += [_shown(key, each[key]) if key in each else "" for _, each in bounds]
+        cells = "".join(
+            f"<td style='text-align:right;padding:1px 0 1px 12px'>{each}</td>" for each in shown
+        )
+        rows.append(f"<tr><th scope='row' style='text-align:left;font-weight:400'>{title}</th>"
+                    f"{cells}</tr>")  # fmt: skip
+    heads = "".join(
+        f"<th scope='col' style='{HEAD}'>{each}</th>"
+        for each in [*head[1:], *(name for name, _ in bounds)]
     )
-    return _line(
-        "<table style='font-variant-numeric:tabular-nums;border-collapse:collapse'><thead>"
-        f"<tr>{heads}</tr></thead><tbody>{body}</tbody></table>",
-        "debrief-numbers",
+    return (
+        "<table data-testid='debrief-numbers' style='font-variant-numeric:tabular-nums;"
+        f"border-collapse:collapse'><thead><tr><td></td>{heads}</tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table>"
     )
+
+
+def _number(done: Done, key: str) -> float:
+    if key == "incidents":
+        return float(len(done.incidents))
+    if key == "peak_stress_ratio":
+        return 1.0 - float(done.metrics["smallest_distance_to_break"])
+    return float(done.metrics.get(key) or 0.0)
+
+
+def _shown(key: str, value: float) -> str:
+    if key == "incidents":
+        return f"{value:.3g}"
+    return f"{100.0 * value:.0f}" if key == "peak_stress_ratio" else f"{value:.1f}"
 
 
 def _timeline_html(
-    time: NDArray[np.float64],
-    fraction: NDArray[np.float64],
+    series: Series,
+    expert: Done | None,
+    same: NDArray[np.float64] | None,
     limit: float | None,
     incidents: Sequence[Incident],
+    moments: Sequence[str],
     in_space: bool,
 ) -> str:
     """Return the stress over time with numbered marks of errors below it, a row for each hand."""
+    time = series["time_s"]
+    fraction = _fraction(series)
     end = max(float(time[-1]), 1.0)
 
     def x(seconds: float) -> float:
@@ -130,36 +258,59 @@ def _timeline_html(
 
     even = np.linspace(0, len(time) - 1, min(len(time), MOST_POINTS)).round().astype(int)
     index = np.unique(np.append(even, int(np.argmax(fraction))))  # the peak is what counts
-    curve = " ".join(
-        f"{x(float(t)):.1f},{y(float(s)):.1f}"
-        for t, s in zip(time[index], fraction[index], strict=True)
-    )
+
+    def curve(values: NDArray[np.float64]) -> str:
+        return " ".join(
+            f"{x(float(t)):.1f},{y(float(s)):.1f}"
+            for t, s in zip(time[index], values[index], strict=True)
+        )
+
     parts = [
         f"<path d='M{LEFT} {y(0.0)}H{WIDTH}M{LEFT} {y(1.0)}H{WIDTH}' stroke='currentColor' "
         "opacity='.3' fill='none'/>",
-        f"<polyline points='{curve}' fill='none' stroke='{DISTANCE_COLOUR}' stroke-width='2'/>",
     ]
+    words = "Stress of the wall, % of break, over time in s; below it errors, by hand."
+    if same is not None and expert is not None:
+        beside = np.interp(same, expert.series["time_s"], _fraction(expert.series))
+        parts.append(
+            f"<polyline points='{curve(beside)}' fill='none' stroke='currentColor' opacity='.5' "
+            "stroke-dasharray='2 3' data-testid='expert-curve'/>"
+        )
+        words += " Dotted: the scripted expert with as much free."
+    parts.append(
+        f"<polyline points='{curve(fraction)}' fill='none' stroke='{DISTANCE_COLOUR}' "
+        "stroke-width='2'/>"
+    )
     if limit is not None:
         parts.append(
             f"<path d='M{LEFT} {y(limit):.1f}H{WIDTH}' stroke='{LIMIT_COLOUR}' "
             "stroke-dasharray='6 4' fill='none'/>"
         )
+    if in_space:
+        parted = x(0.0) + (time[1:][np.diff(series["strands_broken"]) > 0.0] / end) * (
+            x(end) - x(0.0)
+        )
+        ticks = "".join(f"M{place:.1f} {HEIGHT}v3" for place in np.unique(parted.round(1)))
+        parts.append(f"<path d='{ticks}' stroke='currentColor' opacity='.6' fill='none'/>")
+        words += " Ticks: strands part."
     parts += [
         f"<text x='{LEFT - 4}' y='{y(part) + 4:.1f}' text-anchor='end'>{100 * part:.0f}</text>"
         for part in (0.0, 1.0)
     ]
     rows = HANDS if in_space else ("errors",)
-    for number, each in enumerate(incidents[:MOST_ERRORS], 1):
+    for number, (each, uuid) in enumerate(zip(incidents, moments, strict=True), 1):
         row = each.hand if in_space and each.hand is not None else 0
-        top = HEIGHT + 4.0 + ROW * row
+        top = HEIGHT + 5.0 + ROW * row
         start, stop = x(each.start_s), max(x(each.end_s), x(each.start_s) + 3.0)
         parts.append(
-            f"<rect x='{start:.1f}' y='{top}' width='{stop - start:.1f}' height='{ROW - 5}' rx='2' "
-            f"fill='{HAND_COLOURS[row]}'/><text x='{stop + 2:.1f}' y='{top + 9}'>{number}</text>"
+            f"<g data-command='{uuid}' style='cursor:pointer'>"
+            f"<rect x='{start:.1f}' y='{top}' width='{stop - start:.1f}' height='{ROW - 5}' "
+            f"rx='2' fill='{HAND_COLOURS[row]}'/><text x='{stop + 2:.1f}' y='{top + 9}'>{number}"
+            "</text></g>"
         )
-    bottom = HEIGHT + 6.0 + ROW * len(rows)
+    bottom = HEIGHT + 7.0 + ROW * len(rows)
     parts += [
-        f"<text x='{LEFT - 4}' y='{HEIGHT + 13 + ROW * row}' text-anchor='end'>{name}</text>"
+        f"<text x='{LEFT - 4}' y='{HEIGHT + 14 + ROW * row}' text-anchor='end'>{name}</text>"
         for row, name in enumerate(("left", "right") if in_space else ("",))
     ]
     parts += [
@@ -170,10 +321,15 @@ def _timeline_html(
         f"Stress of the wall in % of its break over {end:.1f} s, at most "
         f"{100.0 * float(fraction.max()):.0f} %; errors: {len(incidents)}"
     )
-    return _line(
-        "<small>Stress of the wall, % of its break, over time in s; below it the errors, by hand"
-        f"</small><svg viewBox='0 0 {WIDTH:g} {bottom + 14:g}' width='100%' role='img' "
+    return (
+        "<div data-testid='debrief' style='flex:1 1 190px;max-width:320px'>"
+        f"<svg viewBox='0 0 {WIDTH:g} {bottom + 14:g}' width='100%' role='img' "
         f"aria-label='{label}' font-size='10' fill='currentColor' data-testid='timeline'>"
-        f"{''.join(parts)}</svg>",
-        "debrief",
+        f"{''.join(parts)}</svg><small>{words}</small></div>"
     )
+
+
+def _fraction(series: Series) -> NDArray[np.float64]:
+    """Return (T,) the stress over its threshold at the break."""
+    in_space = "stress_ratio" in series.columns
+    return series["stress_ratio"] if in_space else 1.0 - series["distance_to_break"]

@@ -77,12 +77,16 @@ class ExerciseTab:
                 "Measures say how this duct was handled in this model. They certify no skill.",
             )
         )
-        on_input(self._choice, lambda _: self._describe())
+        on_input(self._choice, lambda _: self._choose())
         on_click(self._start, self.start)
         on_click(self._show_me, self._perform)
         on_click(self._stop, self._end)
         on_click(self._result, self._show_last)
         self.take_offers()
+
+    def _choose(self) -> None:
+        self._describe()
+        self._state.show()
 
     def start(self) -> None:
         """Start the chosen exercise with the chosen feedback."""
@@ -111,6 +115,7 @@ class ExerciseTab:
                 self._choice.value = chosen if chosen in offered else titles[0]
             self._start.disabled = not offered
             self._describe()
+            self._state.show()  # what depends on the choice is shown by the next tick
 
         self._state.when_free(self._state.workers.background, (id(self), "offers"), find)
 

@@ -17,10 +17,11 @@ TOO_SHORT = "too short"
 _CELL = "text-align:right;padding:3px 0 3px 8px"
 
 
-def outcome_html(outcome: Outcome | None, title: str, remark: str) -> str:
-    """Return the outcome of a run as HTML; a run without one was not judged."""
+def outcome_html(outcome: Outcome | None, title: str, remark: str, *, asked: bool) -> str:
+    """Return the outcome of a run as HTML; one without it was stopped, or nothing was asked."""
     if outcome is None:
-        word, colour, reason = "Not judged", _PLAIN, "No exercise, or one that was stopped."
+        word, colour = "Not judged", _PLAIN
+        reason = "You stopped it before its end." if asked else "It was no exercise."
     else:
         word, colour = ("Passed", _PASSED) if outcome.passed else ("Not passed", _FAILED)
         reason = outcome.reason

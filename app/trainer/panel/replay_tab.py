@@ -96,7 +96,7 @@ class ReplayTab:
         if playback is None:
             self._of = None
             return
-        if self._of is not playback:
+        if fresh := self._of is not playback:
             self._of = playback
             self._time.max = max(round(playback.duration, 2), STEP)
             self._was_playing = True  # it may be paused already, at a time that is to be shown
@@ -107,7 +107,8 @@ class ReplayTab:
                 viser.Icon.PLAYER_PAUSE if playback.playing else viser.Icon.PLAYER_PLAY
             )
         time = min(round(playback.time, 2), self._time.max)
-        if (playback.playing and time != self._put) or (not playback.playing and self._was_playing):
+        went_on = playback.playing and time != self._put
+        if fresh or went_on or (not playback.playing and self._was_playing):
             self._put = time
             self._time.value = time
         self._was_playing = playback.playing

@@ -22,7 +22,7 @@ from app.simulation import (
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import note, on_click, rows_html
-from app.trainer.panel.debrief import add_debrief
+from app.trainer.panel.debrief import Done, add_debrief, next_time
 from app.trainer.panel.dialog import dialog
 from app.trainer.panel.frame import LEARN
 from app.trainer.panel.measures_table import measures_html, outcome_html
@@ -104,15 +104,31 @@ def show_result(
     replay = state.replay_of(run, vertices=FEW)
     incidents, series = replay.incidents(), replay.series()
     expert = _expert(run, state)
-    best = None if expert is None else (expert.metrics(), expert.run.incidents())
+    best: Done | None = None
+    if expert is not None:
+        best = Done(
+            expert.metrics(),
+            expert.run.incidents(),
+            state.replay_of(expert.run_file(), vertices=FEW).series(),
+        )
     measures = measures_html(
         run.metrics,
-        _beside(state.session.earlier_tries(run), None if best is None else best[0]),
+        _beside(state.session.earlier_tries(run), None if best is None else best.metrics),
         {} if exercise is None else exercise.limit_of,
         sought_break=_seeks_break(exercise),
     )
     by_sliders = exercise is not None and run.log.exercise_inputs == "any"
-    with dialog(gui, "Result") as close:
+    tries = [incidents]
+    if exercise is not None:
+        earlier = state.session.earlier_incidents(exercise.name, TRIES_BESIDE)
+        tries = [*earlier, incidents]
+    advice = (
+        "Choose an exercise: it says what to do instead."
+        if exercise is None
+        else next_time(exercise, run.outcome, run.metrics, tries)
+    )
+    forget: list[Callable[[], None]] = []
+    with dialog(gui, "Result", closed=lambda: [each() for each in forget]) as close:
 
         def closing(action: Callable[[], object]) -> Callable[[], None]:
             def press() -> None:
@@ -125,21 +141,46 @@ def show_result(
             close()
             watch(run, at)
 
+        def play_expert(at: float) -> None:
+            close()
+            if expert is not None:
+                watch(expert.run_file(), at)
+
         def again() -> None:
             state.start_again(run)
             open_tab(state.client, LEARN)
 
-        gui.add_html(outcome_html(run.outcome, run_title(run), _SLIDERS if by_sliders else ""))
+        gui.add_html(
+            outcome_html(
+                run.outcome,
+                run_title(run),
+                _SLIDERS if by_sliders else "",
+                asked=exercise is not None,
+            )
+        )
         if exercise is not None:
             retry = gui.add_button("Try again", icon=viser.Icon.REFRESH, color="teal")
             on_click(retry, closing(again))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Errors"):
-            add_debrief(gui, exercise, series, run.metrics, incidents, best, play)
+            forget.append(
+                add_debrief(
+                    gui,
+                    exercise,
+                    Done(run.metrics, incidents, series),
+                    best,
+                    state.marks_of(exercise),
+                    advice,
+                    play,
+                    play_expert,
+                )
+            )
         with tabs.add_tab("Measures"):
             gui.add_html(measures)
             if exercise is not None:
                 gui.add_html(note(_BESIDE))
+            csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
+            json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
         with tabs.add_tab("Over time"):
             add_series_plots(gui, series, exercise)
         if exercise is not None and run.log.start.anatomy is not None:
@@ -147,10 +188,8 @@ def show_result(
                 gui.add_html(_seen_html(what_was_seen(replay)))
         if expert is not None:
             shown = gui.add_button("Show me", icon=viser.Icon.SCHOOL, color="gray", hint=SHOW_ME)
-            on_click(shown, closing(lambda: watch(expert.run_file(), 0.0)))
+            on_click(shown, lambda: play_expert(0.0))
         whole = gui.add_button("Watch it again", icon=viser.Icon.PLAYER_PLAY, color="gray")
-        csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
-        json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
     on_click(whole, lambda: play(0.0))
     on_click(csv, lambda: state.send_file(f"{name}.csv", state.run_csv(run)))
     on_click(json, lambda: state.send_file(f"{name}.json", run_json(run)))

@@ -11,6 +11,7 @@ from app.anatomy import (
     anatomy_named,
     drawn_anatomy,
     shipped_anatomies,
+    tube_title,
 )
 from app.simulation import Instrument, Reading, RunFile
 from app.trainer.client.page_state import PageState
@@ -83,11 +84,6 @@ HOW: Mapping[Instrument, str] = {
     "right button or G.",
     "suction": "The right button or G starts it, and stops it. It takes up blood and bile.",
 }
-# What a torn tube turns out to be.
-WALLS = {
-    "common": "common duct", "cystic": "cystic duct", "rha": "right hepatic artery",
-    "artery": "cystic artery",
-}  # fmt: skip
 KEYS = (
     Key("Left", "arrowleft", "Move left", "the tip in the picture, or the scope's view"),
     Key("Right", "arrowright", "Move right", "the tip in the picture, or the scope's view"),
@@ -236,20 +232,20 @@ class ScopePanel:
         hidden = not self._state.figures_visible
         rows = [] if hidden else [
             ("Strands broken", f"{reading.broken}"),
-            ("Largest stress, of the wall's strength", f"{100.0 * reading.stress_ratio:.0f} %"),
+            ("Highest stress now, % of break", f"{100.0 * reading.stress_ratio:.0f}"),
             *((f"{each.name.capitalize()} lost", f"{figure(each.lost_ml)} ml")
               for each in reading.fluids),
         ]  # fmt: skip
         names = self._state.shown.spatial.tubes.names
         for name, deep in zip(names, reading.nicked, strict=True):
             if not hidden and 0.0 < deep < 1.0:
-                wall = WALLS.get(name, name.replace("_", " "))
+                wall = tube_title(name)
                 rows.append((f"Nicked: {wall}", f"{100.0 * deep:.0f} % through"))
         if torn:
             rows.append(
                 (
                     "<b>Torn</b>",
-                    f"<b>{', '.join(WALLS.get(each, each.replace('_', ' ')) for each in torn)}</b>",
+                    f"<b>{', '.join(map(tube_title, torn))}</b>",
                 )
             )
         table = rows_html(rows, "padding:1px 10px 1px 0;opacity:.85", "text-align:right")
@@ -261,7 +257,7 @@ class ScopePanel:
     def _standing(self, reading: Reading) -> str:
         """Return what a screen reader says of the tissue."""
         torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
-        return f"Torn: {', '.join(torn)}" if torn else "Nothing is torn"
+        return f"Torn: {', '.join(map(tube_title, torn))}" if torn else "Nothing is torn"
 
     # Choices
 
@@ -305,6 +301,7 @@ class ScopePanel:
         name, seed = self._anatomy.value, number(self._seed.value)
 
         def choose() -> None:
+            self._state.require_no_exercise()
             if name in self._own:
                 self._show_anatomy(self._own[name])
                 return

@@ -7,7 +7,7 @@ from typing import Protocol
 import viser
 
 from app.anatomy import Anatomy, anatomy_named, anatomy_network
-from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, RunFile, Session
+from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, Run, RunFile, Session
 from app.trainer.client.beside import StartCompanion
 from app.trainer.client.page_state import EXERCISE_GOES_ON, PageState
 from app.trainer.client.practice import Practice, SceneName
@@ -187,14 +187,15 @@ class PageView:
         """Replay a run in place of the session."""
         start = run.log.start
         if (anatomy := start.anatomy) is not None:
-            self._show_anatomy(anatomy_named(anatomy) if isinstance(anatomy, str) else anatomy)
+            self.show_anatomy(anatomy_named(anatomy) if isinstance(anatomy, str) else anatomy)
         elif self._lead is not None:
             self._show("bed" if start.in_bed else "free")
         self._panel.replay(run)
 
-    def _show_anatomy(self, anatomy: Anatomy) -> None:
-        """Show another anatomy."""
-        self._show("calot", lambda: self._practice.choose_anatomy(anatomy))
+    def show_anatomy(self, anatomy: Anatomy) -> None:
+        """Show an anatomy, if it is not shown yet."""
+        if self.scene != "calot" or self.session.specimen.anatomy != anatomy:
+            self._show("calot", lambda: self._practice.choose_anatomy(anatomy))
 
     # Making the page
 
@@ -245,7 +246,7 @@ class PageView:
                 self._lead,
                 scene,
                 self.choose_scene,
-                self._show_anatomy,
+                self.show_anatomy,
                 self._practice.own_anatomy,
                 self._practice.case,
             )
@@ -363,7 +364,7 @@ class PageView:
             elif reading.torn_at is not None:
                 self._notice = self.client.add_notification(
                     "The duct is torn",
-                    f"{_torn_words(reading)} Press Reset (R) for a new one.",
+                    f"{_torn_words(reading)} {_why(run)}Press Reset (R) for a new one.",
                     color="red",
                 )
             self._panel_stale = True
@@ -399,6 +400,12 @@ class PageView:
                 )
 
         watch_pace(self.client, least=LEAST_PICTURES, command=command, remedy=remedy)
+
+
+def _why(run: Run) -> str:
+    """Return the error that a tear is put down to, in a sentence; empty without one."""
+    cause = run.cause()
+    return "" if cause is None else f"{cause.sentence} "
 
 
 def _torn_words(reading: Reading) -> str:

@@ -39,11 +39,11 @@ page.offerHome = (uuid, label, hint) => {
   later(() => viewer()?.canvas2d, () => viewer().canvas2d.parentElement.append(home));
 };
 
-// A button in the panel's HTML that names a command of viser's runs it, and keeps the focus when its
+// What in the panel's HTML names a command of viser's runs it, and keeps the focus when its
 // HTML is replaced.
 let chosen = null;
 document.addEventListener("click", event => {
-  const uuid = event.target.closest?.("button[data-command]")?.dataset.command;
+  const uuid = event.target.closest?.("[data-command]")?.dataset.command;
   if (!uuid) return;
   chosen = uuid;
   viewer().sendMessage({type: "CommandTriggerMessage", uuid});
@@ -226,6 +226,13 @@ document.addEventListener("keydown", event => {
   from.focus();
 }, true);
 
+// Help by the key of all programs.
+window.addEventListener("keydown", event => {
+  if (event.key !== "?" || lettersOff() || event.target.closest?.("input,textarea")) return;
+  if (document.querySelector("[role=dialog]")) return;
+  [...document.querySelectorAll("button")].find(each => each.textContent.trim() === "Help")?.click();
+});
+
 // Dialogs close by Escape and by a click beside them, as by the button in their corner.
 const closer = dialog => dialog?.querySelector(`:has(> .${closerClass}) + * button`);
 window.addEventListener("keydown", event => {
@@ -310,8 +317,9 @@ const tend = () => {
   for (const image of document.querySelectorAll("img:not([alt])")) image.alt = "";
   for (const plot of Object.values(window.__viserTestpoints?.uplots ?? {})) {
     const [across, up] = plot.chart?.axes ?? [];
-    plot.chart?.root.setAttribute("role", "img");
-    name(plot.chart?.root, `Plot of ${up?.label} over ${across?.label}`);
+    if (!up?.label || !across?.label) continue;
+    plot.chart.root.setAttribute("role", "img");
+    name(plot.chart.root, `Plot of ${up.label} over ${across.label}`);
   }
   const canvas = viewer()?.canvas;
   canvas?.setAttribute("role", "img");
