@@ -6,6 +6,8 @@ from msgspec.structs import replace
 from simulated import bed_session, phantom
 
 from app.anatomy import anatomy_named
+from app.haptics.duct_choice import DuctChoice
+from app.haptics.haptic_bed import HapticBed
 from app.simulation import Replay, Specimen, bed_named, preset_named, run_json
 from app.simulation.run_file import RunFile
 from app.simulation.spatial_tissue import SpatialTissue
@@ -74,3 +76,32 @@ def test_a_nicked_artery_bleeds_before_it_parts() -> None:
     assert tissue.tears[number] is None
     assert 0.0 < tissue.nicked[number] < DEEPEST
     assert tissue.reading().fluids[0].lost_ml > 0.0
+
+
+def test_a_device_feels_a_nick_as_a_loss_of_force_before_the_duct_parts() -> None:
+    frail = replace(preset_named("porcine-cystic-duct"), tear_mm_per_s=5.0)
+    at_once = replace(frail, tear_mm_per_s=None)
+    depths = dict[bool, list[float]]()
+    parted = dict[bool, int]()
+    held = np.ones(1, np.bool_)
+    for nicks, preset in ((True, frail), (False, at_once)):
+        model = DuctChoice.of(Specimen(preset)).haptic_model(5.0)
+        assert isinstance(model, HapticBed)
+        depths[nicks] = []
+        forces, hand, period = list[float](), np.zeros((1, 3)), 0
+        while not model.torn:
+            assert period < 4000
+            hand[0, 2] += 0.004
+            model.step(hand, held)
+            period += 1
+            forces.append(float(np.sqrt((model.forces**2).sum())))
+            mine = model.beam.nicks_of()
+            depths[nicks].append(max((each.depth for each in mine), default=0.0))
+        parted[nicks] = period
+        if nicks:
+            begun = next(i for i, each in enumerate(depths[nicks]) if each > 0.0)
+            assert min(forces[begun:-1]) < 0.95 * forces[begun]
+            assert forces[-1] == 0.0
+    assert max(depths[True]) < DEEPEST
+    assert max(depths[False]) == 0.0
+    assert parted[True] > parted[False]
