@@ -85,6 +85,7 @@ def test_every_example_is_shown() -> None:
         "diagrams.py",
         "gallery.py",
         "clone_window.py",
+        "refine_window.py",
         "scope_film.py",
         "search_window.py",
     }  # that draw pages and films, or learn long
