@@ -11,15 +11,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import numpy as np
 import viser
-from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 from playwright.sync_api import TimeoutError as Late
 
 from app.anatomy import anatomy_named, anatomy_network
 from app.simulation import Replay, Session, Specimen, performed, read_script
+from app.trainer.client.page_state import PageState
+from app.trainer.client.scope_lead import ScopeLead
+from app.trainer.client.workers import Workers
 from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.viser_bridge.page import prepare_page
@@ -32,31 +33,6 @@ HIDDEN = "body *:not(:has(canvas)):not(canvas):not(.bd-scope-frame)"
 PATIENCE = 8000.0
 """ms that a picture is waited for."""
 SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-
-
-class Nobody:
-    """Who leads nothing: the run is replayed."""
-
-    hand, leads_scope = 1, False
-
-    def advance(self, ticks: int) -> None:
-        """Lead nothing."""
-
-    def stop(self) -> None:
-        """Stop nothing."""
-
-    def use_instrument(self) -> None:
-        """Use nothing."""
-
-    def lead_hand(self, place: NDArray[np.float64]) -> None:
-        """Lead nothing."""
-
-    def move_scope(self, pan: float, tilt: float, depth: float, cable: float) -> None:
-        """Move nothing."""
-
-    def sucks(self, hand: int) -> bool:
-        """Return whether a suction is on."""
-        return False
 
 
 def run_of(script: Path) -> Replay:
@@ -86,12 +62,13 @@ def film(replay: Replay) -> list[Image.Image]:
     """Return the pictures of a run."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     held = HeldScope(anatomy_network(anatomy_named("normal")))
-    shown: list[ScopeScene] = []
+    workers, shown = Workers(), list[ScopeScene]()
 
     @server.on_client_connect
     def _(client: viser.ClientHandle) -> None:
         prepare_page(client)
-        shown.append(ScopeScene(client, replay.session, "full", held, Nobody()))
+        lead = ScopeLead(PageState(client, replay.session, workers), held)
+        shown.append(ScopeScene(client, replay.session, "full", held, lead))
 
     pictures: list[Image.Image] = []
     with opened(f"http://127.0.0.1:{server.get_port()}") as page:
@@ -107,6 +84,7 @@ def film(replay: Replay) -> list[Image.Image]:
             data = page.screenshot(clip={"x": 0, "y": 0, "width": SIZE, "height": SIZE})
             pictures.append(Image.open(io.BytesIO(data)).convert("RGB"))
     server.stop()
+    workers.stop()
     return pictures
 
 
