@@ -32,6 +32,7 @@ from benchmarks.exact_beam import exact_engines
 from benchmarks.faults import measure_faults
 from benchmarks.geometry import measure_geometry, plain_table
 from benchmarks.haptic_servo import measure_haptics
+from benchmarks.network_step import measure_network
 from benchmarks.peers import peer_engines
 from benchmarks.policy_speed import measure_policies
 from benchmarks.session_step import step_figures
@@ -154,6 +155,7 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
     "export": measure_export,
     "haptics": measure_haptics,
     "bed": measure_bed,
+    "network": measure_network,
     "exercises": measure_exercises,
     "study": measure_study,
     "policies": measure_policies,
