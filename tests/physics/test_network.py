@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba.core.errors import TypingError
 
 from kernel_cache import njit
 from physics.bed import BeamOnBed, End, Join, Network, SpaceBeam, Strands
@@ -424,3 +425,15 @@ def test_a_tube_tears_by_its_own_wall_and_frees_its_own_length() -> None:
 def test_joins_that_cannot_be_are_refused(joins: list[Join], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Network(t_frame().tubes, joins)
+
+
+def test_kernels_that_are_public_can_be_called_from_plain_python() -> None:
+    """Without a wrapper a call would end the process."""
+    pair = np.array([[1, 4, 0, 0], [2, 7, 0, 0]])
+    assert k.group_nodes(pair, 3, 9) == (3, -1)
+    assert k.group_nodes(pair, 10, 9) == (2, 7)
+    with pytest.raises(TypingError):
+        k.group_nodes(None, 3, 9)
+    for name in k.__all__:
+        options = getattr(getattr(k, name), "targetoptions", {})
+        assert not options.get("no_cpython_wrapper"), name

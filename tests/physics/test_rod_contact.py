@@ -180,6 +180,29 @@ def test_no_rod_is_pushed_through_a_duct_in_equilibrium(
     assert energy.work == pytest.approx(energy.stored + energy.snap, rel=1e-4)
 
 
+@pytest.mark.parametrize("ticks", [1, 5, 30])
+@pytest.mark.parametrize(("begin", "way"), [(8.0, -25.0), (-7.0, 45.0)])
+def test_a_rod_is_held_back_where_no_hand_could_press_so_hard(
+    ticks: int, begin: float, way: float
+) -> None:
+    """Led by 25 and 45 mm in some ticks into a duct on a bed: it goes on as the duct gives way."""
+    beam = SpaceBeam.of(DUCT, elements=40)
+    live = BeamOnBed(beam, LAYER.strands_under(beam), floor=LAYER.floor_under(beam), rods=1)
+    live.set_rod(0, (25.4, FAR, begin), ACROSS, 1.2)
+    for now in range(1, ticks + 1):
+        live.lead_rod(0, (25.4, FAR, begin + way * now / ticks))
+        live.tick(1e-3)
+        # 200 N, and by how much more the last part of a way presses.
+        assert np.abs(live.rod_contact(0)).max() < 500.0
+    live.tick(0.2, ticks=200)
+    x, _, z = live.state.rods[0, :3].tolist()
+    assert z == pytest.approx(begin + way, abs=1e-12)
+    assert turns(live, x, z) == 0
+    energy = live.energy
+    assert abs(energy.residual) < 1e-3 * energy.work
+    assert energy.snap >= 0.0 <= energy.drag
+
+
 def test_a_rod_that_jumps_over_the_duct_and_its_strands_in_one_tick_meets_both() -> None:
     beam = SpaceBeam.of(DUCT, elements=40)
     live = BeamOnBed(beam, LAYER.strands_under(beam), rods=1)

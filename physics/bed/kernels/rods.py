@@ -78,7 +78,7 @@ def angle(across: float, along: float) -> float:
     return turn if across >= 0.0 else -turn
 
 
-@inner
+@njit(cache=True, error_model="numpy", nogil=True)
 def path_round(
     a: Three, b: Three, rod: Floats, side: int, live: bool
 ) -> tuple[int, float, Three, Three, float]:
@@ -145,7 +145,7 @@ def path_round(
     return side, length, added(by_a, scaled(shift, -1.0)), added(by_b, shift), bow
 
 
-@inner
+@njit(cache=True, error_model="numpy", nogil=True)
 def group_nodes(pair: Ints, group: int, nodes: int) -> tuple[int, int]:
     """Return the node that a group of strands holds, and the one that its feet are on, or -1."""
     if group < nodes:
@@ -167,7 +167,7 @@ def strand_foot(x: Floats, q: Floats, strand: Floats, other: int, i: int) -> Thr
     )
 
 
-@inner
+@njit(cache=True, error_model="numpy", nogil=True)
 def strand_ends(
     x: Floats, q: Floats, strand: Floats, n: int, other: int, i: int
 ) -> tuple[Three, Three]:

@@ -34,6 +34,11 @@ from physics.bed.kernels.vectors import inlined
 MOST_PARTS = 4096
 
 
+# N, beyond any hand or device: a rod on which the beam presses with more goes no further against it
+# until the beam has given way.
+HELD_BACK = 200.0
+
+
 @inlined
 def rods_part(s: State, fraction: float) -> float:
     """Return the part of the rods' way to their targets, at most `fraction`, to go at once."""
@@ -45,6 +50,10 @@ def rods_part(s: State, fraction: float) -> float:
             z = s.rods_to[m, TIP + 2] - s.rods[m, TIP + 2]
             longest = max(longest, math.sqrt(x * x + y * y + z * z))
             thinnest = min(thinnest, s.rods[m, RADIUS])
+            p0, p1, p2 = s.press[m, 0], s.press[m, 1], s.press[m, 2]
+            pressed = p0 * p0 + p1 * p1 + p2 * p2
+            if pressed > HELD_BACK * HELD_BACK and p0 * x + p1 * y + p2 * z > 0.0:
+                return 0.0
     if fraction * longest > thinnest:  # it might jump over a strand
         fraction = thinnest / longest
     if fraction * longest > s.sums[CLEAR]:
