@@ -47,7 +47,7 @@ def pulled(live: BeamOnBed, rods: bool) -> dict[str, float]:
         # A grasper's jaws between cystic duct and common duct, which open slowly.
         middle = live.places_at(np.array([8.0]), "cystic")[0]
         for rod in range(2):
-            live.set_rod(rod, middle + [0.0, 2.0 + rod, 1.0], (0.0, 0.0, 1.0), 0.6)
+            live.set_rod(rod, middle + np.array([0.0, 2.0 + rod, 1.0]), (0.0, 0.0, 1.0), 0.6)
     times = np.empty(STEPS)
     for number in range(STEPS):
         begun = time.thread_time()
