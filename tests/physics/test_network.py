@@ -433,7 +433,7 @@ def test_kernels_that_are_public_can_be_called_from_plain_python() -> None:
     assert k.group_nodes(pair, 3, 9) == (3, -1)
     assert k.group_nodes(pair, 10, 9) == (2, 7)
     with pytest.raises(TypingError):
-        k.group_nodes(None, 3, 9)
+        k.group_nodes(None, 3, 9)  # type: ignore[arg-type]
     for name in k.__all__:
         options = getattr(getattr(k, name), "targetoptions", {})
         assert not options.get("no_cpython_wrapper"), name
