@@ -330,10 +330,7 @@ def test_a_level_at_an_anatomy_opens_the_scope_and_is_watched_and_replayed_there
             )  # fmt: skip
             assert json.loads(kept.measures)["blood_lost_ml"] > 0.0
             (person,) = lesson.store.people()
-            for asked_for, word in (
-                (f"replay={kept.id}", "Replay"),
-                (f"watch={person.id}", "Live"),
-            ):
+            for word, asked_for in (("replay", kept.id), ("watch", person.id)):
                 looking = teacher.context.new_page()
                 looking.goto(f"{trainer.address}/?{word}={asked_for}")
                 looking.wait_for_function("() => window.bluntdissectScope?.picture?.drawn > 2")
