@@ -65,7 +65,8 @@ def test_no_duct_is_called_unbreakable_before_its_exercises_are_known() -> None:
     ExerciseTab(gui, state, MagicMock())
     assert gui.add_dropdown.call_args_list[0].args[1] == [AWAITED]
     assert gui.add_button.call_args_list[0].kwargs["disabled"] is True
-    state.session.specimen.bed = state.session.specimen.theory = None
+    specimen = state.session.specimen
+    specimen.anatomy = specimen.bed = specimen.theory = None
     find = state.when_free.call_args.args[2]
     find()
     assert choice.options == (NONE,)
