@@ -8,11 +8,12 @@ from app.simulation.errors.incidents import Incidents
 
 __all__ = ["Pace", "PullErrorFinder"]
 
-PULL_TICKS, NEAR_TICKS = 4, 12
+PULL_TICKS, NEAR_TICKS = 4, 10
 """Ticks over which the growth of the stress ratio is taken, and that near the break: over fewer a
 hand's tremor is most of it."""
 SMOOTH_TICKS = 3
-"""Ticks whose mean each end of the growth near the break is: 0.1 s, nearly a whole tremor."""
+"""Ticks whose mean each end of the growth near the break is: 0.1 s, nearly a whole tremor. The
+middle of all that it is taken from is 0.2 s ago: later, and a hand that slows down seems fast."""
 KEPT_TICKS = NEAR_TICKS + SMOOTH_TICKS
 BEFORE = "strands parted before you could stop"
 
