@@ -9,7 +9,7 @@ from app.validation.bed_checks import BedCheck
 from physics.bed import BeamOnBed, End, Join, Network, SpaceBeam, Strands
 from physics.bed.peel_theory import cantilever_compliance
 
-__all__ = ["network_checks"]
+__all__ = ["network_checks", "t_peel", "two_beams"]
 
 Floats = NDArray[np.float64]
 
@@ -64,11 +64,11 @@ def y_frame() -> BedCheck:
     return _check("Y frame (OpenSeesPy 3.7)", "height of its joint, mm", found, FRAME_HEIGHT, made)
 
 
-def two_beams() -> BedCheck:
+def two_beams(elements: int = 128) -> BedCheck:
     """Open two beams joined by strands: each lies on a bed twice as stiff [Kanninen 1973]."""
     bending, force = 95.0, 1e-4
     rows = np.array([1e4, 1e4, 1e4, bending, bending, bending])
-    made = _two_arms(160.0, 128, 120.0, 512, (0.3, 1e9, 2.0), rows)
+    made = _two_arms(160.0, elements, 120.0, 4 * elements, (0.3, 1e9, 2.0), rows)
     nodes = [int(made.nodes_of(name)[-1]) for name in ("top", "low")]
     for node, side in zip(nodes, (force, -force), strict=True):
         made.push(node, (0.0, 0.0, side))
@@ -78,9 +78,9 @@ def two_beams() -> BedCheck:
     return _check("Two beams joined by strands (Kanninen)", "opening, mm", opening, expected, made)
 
 
-def t_peel() -> BedCheck:
+def t_peel(stretching: float = 8.0) -> BedCheck:  # N
     """Peel two arms apart: G = 2 F + F^2/EA, the work of both less what they store."""
-    stretching, toughness = 8.0, 0.12
+    toughness = 0.12
     rows = np.array([stretching, 50.0, 50.0, 0.2, 0.2, 0.2])
     made = _two_arms(80.0, 160, 64.0, 512, (0.3, toughness, 2.0), rows)
     nodes = [made.take(80.0, name, along=(False, False, True)) for name in ("top", "low")]
@@ -93,9 +93,8 @@ def t_peel() -> BedCheck:
             forces.append(float(made.hand_force(nodes[0])[2]))
     expected = stretching * (math.sqrt(1.0 + toughness / stretching) - 1.0)
     found = float(np.mean(forces))
-    return _check(
-        "T-peel of two tubes, stretching stiffness 8 N", "force, N", found, expected, made
-    )
+    name = f"T-peel of two tubes, stretching stiffness {stretching:g} N"
+    return _check(name, "force, N", found, expected, made)
 
 
 def _check(name: str, quantity: str, found: float, expected: float, made: BeamOnBed) -> BedCheck:

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba.core.errors import TypingError
 
+from app.validation.network_checks import t_peel, two_beams
 from kernel_cache import njit
 from physics.bed import BeamOnBed, End, Join, Network, SpaceBeam, Strands
 from physics.bed import kernels as k
 from physics.bed.kernels.tangent import hold_nodes, solve
 from physics.bed.network import Elimination
-from physics.bed.peel_theory import cantilever_compliance
 from tests.physics.derivatives import assert_derivatives, full_tangent
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -303,61 +303,19 @@ def test_one_branch_is_eliminated_from_end_to_end_and_a_tree_fills_nothing() -> 
     assert state.product.size == 0
 
 
-def two_arms(
-    length: float, elements: int, bond: float, strands: int, law: tuple[float, float, float],
-    stiffness: Floats,
-) -> BeamOnBed:  # fmt: skip
-    """Two beams, one over the other, joined by strands from 0 to `bond` that push as well."""
-    gap = 1.0
-    top = straight([0, 0, 0], [length, 0, 0], elements, stiffness, ("clamped", "free"))
-    low = straight([0, 0, -gap], [length, 0, -gap], elements, stiffness, ("clamped", "free"))
-    x = (np.arange(strands) + 0.5) * bond / strands
-    ends = np.stack([x, 0 * x, 0 * x], axis=1)
-    per_mm, toughness, softening = law
-    one = np.ones(strands)
-    yields = math.sqrt(2 * toughness / (per_mm * softening)) * one
-    tissue = Strands(
-        x, ends, ends - [0, 0, gap], per_mm * bond / strands * one, gap * one, yields,
-        softening * yields, one, np.zeros(strands, np.int64), np.ones(strands, np.int64), x,
-    )  # fmt: skip
-    return BeamOnBed(Network({"top": top, "low": low}), tissue, plane=True)
-
-
 @pytest.mark.parametrize(("elements", "error"), [(64, 4e-3), (128, 1.1e-3), (256, 3.5e-4)])
 def test_two_beams_joined_by_strands_open_as_kanninen_s(elements: int, error: float) -> None:
     """Each is a beam on a bed twice as stiff; the error falls with the square of the element."""
-    bending = 95.0
-    made = two_arms(
-        160.0, elements, 120.0, 4 * elements, (0.3, 1e9, 2.0),
-        np.array([1e4, 1e4, 1e4, bending, bending, bending]),
-    )  # fmt: skip
-    nodes = [int(made.nodes_of(name)[-1]) for name in ("top", "low")]
-    for node, force in zip(nodes, (1e-4, -1e-4), strict=True):
-        made.push(node, (0.0, 0.0, force))
-    made.advance()
-    opening = made.places[nodes[0], 2] - made.places[nodes[1], 2] - 1.0
-    expected = 2e-4 * cantilever_compliance(40.0, 0.6, bending)
-    assert opening == pytest.approx(expected, rel=error)
+    check = two_beams(elements)
+    assert check.found == pytest.approx(check.expected, rel=error)
 
 
 @pytest.mark.parametrize("stretching", [1.0, 8.0])
 def test_two_arms_peel_apart_at_a_t(stretching: float) -> None:
     """G = 2 F + F^2 / EA, the work of both arms less what they store; 0.5 % of it saw."""
-    made = two_arms(
-        80.0, 160, 64.0, 512, (0.3, 0.12, 2.0), np.array([stretching, 50, 50, 0.2, 0.2, 0.2])
-    )
-    nodes = [made.take(80.0, name, along=(False, False, True)) for name in ("top", "low")]
-    forces: list[float] = []
-    for step in range(1, 121):
-        for node, side in zip(nodes, (0.25, -0.25), strict=True):
-            made.lead(node, made.rest_place(node) + np.array([0.0, 0.0, side * step]))
-        made.advance()
-        if step > 80:
-            forces.append(float(made.hand_force(nodes[0])[2]))
-    expected = stretching * (math.sqrt(1 + 0.12 / stretching) - 1)
-    assert np.mean(forces) == pytest.approx(expected, rel=3e-3)
-    balance = made.energy
-    assert abs(balance.residual) < 1e-4 * balance.work
+    check = t_peel(stretching)
+    assert check.found == pytest.approx(check.expected, rel=3e-3)
+    assert check.unexplained < 1e-4
 
 
 @pytest.mark.parametrize("seed", [2, 3])
