@@ -74,6 +74,7 @@ from app.simulation.seen import Seen, what_was_seen
 from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
 from app.simulation.sight import TOWARDS_VIEWER
 from app.simulation.spatial_tissue import (
+    CLIP_OPENING,
     JAW_RADIUS,
     MOST_OPENING,
     MOST_SUCTION,
@@ -96,6 +97,7 @@ __all__ = [
     "ALL_INSTRUMENTS",
     "ASSUMED_PRESET",
     "CAREFUL",
+    "CLIP_OPENING",
     "DISTANCE_TO_BREAK",
     "ELEMENTS",
     "ERROR_CLASSES",

@@ -51,7 +51,8 @@ from physics import DEEPEST, RuptureCheck
 from physics.bed import BeamOnBed, Network, WorstStress
 
 __all__ = [
-    "ELEMENTS", "HANDS", "JAW_RADIUS", "MOST_OPENING", "MOST_SUCTION", "SUBSTEPS", "SWAB_RADIUS",
+    "CLIP_OPENING", "ELEMENTS", "HANDS", "JAW_RADIUS", "MOST_OPENING", "MOST_SUCTION", "SUBSTEPS",
+    "SWAB_RADIUS",
     "TOWARDS_HAND", "Event", "EventKind", "Rod", "SpatialTissue", "Touch",
 ]  # fmt: skip
 
@@ -551,16 +552,14 @@ class SpatialTissue:
         holder, rods = self.hands[hand], self.rods_of(hand)
         if len(rods) < 2:
             return [(rod, holder.place) for rod in rods]
-        # Closed jaws lie side by side, so that no strand is between them.
-        apart = (0.5 * holder.opening + 1.05 * RADIUS[holder.instrument]) * np.array(holder.spread)
+        apart = _jaw_offset(holder) * np.array(holder.spread)
         return [(rods[0], holder.place - apart), (rods[1], holder.place + apart)]
 
     def _lead_rods(self, number: int, hand: Hand) -> None:
         """Lead the rods of a hand's instrument to where its tip is."""
         rods, to = self.rods_of(number), self.beam.state.rods_to
         if len(rods) == 2:
-            apart = 0.5 * hand.opening + 1.05 * RADIUS[hand.instrument]
-            _lead_jaws(hand.place, apart, hand.spread, to[rods[0]], to[rods[1]])
+            _lead_jaws(hand.place, _jaw_offset(hand), hand.spread, to[rods[0]], to[rods[1]])
         elif rods:
             to[rods[0], :3] = hand.place
 
@@ -983,6 +982,12 @@ def _lead_jaws(tip: Floats, apart: float, spread: Vector, first: Floats, second:
     for r in range(3):
         first[r] = tip[r] - apart * spread[r]
         second[r] = tip[r] + apart * spread[r]
+
+
+def _jaw_offset(hand: Hand) -> float:
+    """Return how far a jaw's axis is from the tip's middle, mm."""
+    # Closed jaws lie side by side, so that no strand is between them.
+    return 0.5 * hand.opening + 1.05 * RADIUS[hand.instrument]
 
 
 def _moved(before: tuple[float, ...], now: tuple[float, ...]) -> bool:

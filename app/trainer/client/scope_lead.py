@@ -6,7 +6,15 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import HOLDING, TICK_SECONDS, TROCARS, Hand, Instrument, Session
+from app.simulation import (
+    CLIP_OPENING,
+    HOLDING,
+    TICK_SECONDS,
+    TROCARS,
+    Hand,
+    Instrument,
+    Session,
+)
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.near_place import near_place, wall_offset
@@ -25,8 +33,8 @@ LEAD_MM_S: Mapping[Instrument, float] = {
 """mm/s at most of a hand that holds nothing: those that part or press go slowly."""
 SPREAD = 8.0
 """mm that jaws part by at once."""
-OPENED: Mapping[Instrument, float] = {"clip applier": 6.0, "scissors": 6.0}
-"""mm between jaws that come open: wider than the cystic duct and what is left about it."""
+COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
+"""Instruments whose jaws come open."""
 SUCTION = 15.0
 """ml/s."""
 STEADY = math.cos(math.radians(3.0))
@@ -81,8 +89,8 @@ class ScopeLead:
             return
         self._goals[hand], self._sucks[hand] = None, False
         self._aim(hand)
-        if instrument in OPENED:
-            state.session.open_jaws(hand, OPENED[instrument])
+        if instrument in COMES_OPEN:
+            state.session.open_jaws(hand, CLIP_OPENING)
 
     def choose_next_instrument(self) -> None:
         """Give the active hand the next instrument."""
