@@ -89,8 +89,6 @@
       }
     }
 
-    get bloodVolume() { return this.blood.reduce((sum, w) => sum + w, 0) * this.cell ** 2; }
-
     #lay(state, tube) {
       const { x0, y0, cell, columns, rows, top } = this;
       for (let s = 0; s < tube.count - 1; s += 0.5) {
@@ -152,10 +150,8 @@
         moves ||= out > 1e-4;
       }
       // What reaches the field's edge runs off.
-      for (let k = 0; k < this.size; k++) {
-        const i = k % columns, j = Math.floor(k / columns);
-        if (!i || !j || i === columns - 1 || j === rows - 1) film[k] = 0;
-      }
+      for (let i = 0; i < columns; i++) film[i] = film[(rows - 1) * columns + i] = 0;
+      for (let j = 0; j < rows; j++) film[j * columns] = film[(j + 1) * columns - 1] = 0;
       return moves;
     }
 
