@@ -55,6 +55,9 @@ HELD = (
     "low", "high", "seconds", "maximum_force_N", "mean_absolute_nonzero_force_N",
     "maximum_loading_rate_N_per_s", "overshoot", "smallest_distance_to_break", TIME_LIMIT,
 )  # fmt: skip
+AT_ANATOMY_LIMITS = (
+    "blood_lost_ml", "peak_stress_ratio", "time_out_of_picture_s", TIME_LIMIT,
+)  # fmt: skip
 NUMBERS: dict[Goal, tuple[str, ...]] = {
     "window": FREED,
     "follow_front": FREED,
@@ -63,8 +66,8 @@ NUMBERS: dict[Goal, tuple[str, ...]] = {
     "approach_break": ("high", "seconds", "maximum_force_N", "maximum_loading_rate_N_per_s",
                        TIME_LIMIT),
     "gentle_lifts": ("repeats", "return_below", *HELD),
-    "stop_bleeding": ("seconds", "blood_lost_ml", "peak_stress_ratio", TIME_LIMIT),
-    "critical_view": ("points", "blood_lost_ml", "peak_stress_ratio", TIME_LIMIT),
+    "stop_bleeding": ("seconds", *AT_ANATOMY_LIMITS),
+    "critical_view": ("points", *AT_ANATOMY_LIMITS),
 }  # fmt: skip
 """What an exercise file may give for a goal: fields of it, metrics that are limited, the time."""
 USUAL = "normal"

@@ -70,9 +70,9 @@ from app.simulation.run_file import (
 )
 from app.simulation.safety import CriticalView, Safety, Tenting
 from app.simulation.scripted_hands import CAREFUL, MANNERS, perform
-from app.simulation.seen import Seen, what_was_seen
+from app.simulation.seen import Seen, Sights
 from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
-from app.simulation.sight import TOWARDS_VIEWER
+from app.simulation.sight import FIELD_OF_VIEW, TOWARDS_VIEWER
 from app.simulation.spatial_tissue import (
     CLIP_OPENING,
     JAW_RADIUS,
@@ -103,6 +103,7 @@ __all__ = [
     "ERROR_CLASSES",
     "EXERCISES",
     "FEW",
+    "FIELD_OF_VIEW",
     "FRONT_SECONDS",
     "HANDS",
     "HAND_SPEED",
@@ -175,6 +176,7 @@ __all__ = [
     "Seen",
     "Series",
     "Session",
+    "Sights",
     "SpatialTissue",
     "Specimen",
     "Spread",
@@ -217,5 +219,4 @@ __all__ = [
     "specimen_in_bed",
     "tear_front",
     "tear_swing",
-    "what_was_seen",
 ]

@@ -15,7 +15,7 @@ from app.simulation.exercise import Exercise
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import HANDS
 from app.simulation.safety import CriticalView, Safety
-from app.simulation.sight import WORKING_DISTANCE
+from app.simulation.sight import WORKING_DISTANCE, in_picture
 from physics.bed.kernels import BEAM, DISSIPATED, ROD_WORK, WORK
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ BESIDE_MM = 2.0
 """mm next to a free stretch whose strands are counted."""
 LEAST_FLOW = 1e-3
 """mm^3/s. Out of a tube that loses less, nothing flows."""
+SCOPE_NUMBERS = 12
+"""Of a view through a scope, before its horizon."""
 LEAST_FORCE = 1e-3
 """N. A smaller force has no direction worth measuring."""
 
@@ -76,6 +78,10 @@ class DissectionMeasures(
     traction_angle_deg: float | None
     tear: DissectionTear | None
     blood_lost_ml: float | None = None  # left out where no tube has blood
+    # of a run through a scope; left out of others
+    time_out_of_picture_s: float | None = None  # with a tip of either hand outside it
+    scope_path_mm: float | None = None
+    horizon_deg: float | None = None  # mean of its turn, without sign
 
 
 class DissectionMeasureTaker:
@@ -110,6 +116,9 @@ class DissectionMeasureTaker:
         self._duct_energy = 0.0
         self._by_hand = [0] * HANDS
         self.out_of_sight = 0
+        self._scope: tuple[float, ...] | None = None  # its view, once there is one
+        self._unseen = self._levelled = 0  # ticks: a tip out of the picture; a horizon known
+        self._scope_path = self._rolled = 0.0  # mm; sum of rad
 
     def start(self) -> None:
         """Start on a duct at rest, whose bed may be opened already."""
@@ -119,7 +128,7 @@ class DissectionMeasureTaker:
         self._before = self._broken = duct.broken
         self._note_energies()
         self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
-        self._torn = duct.torn
+        self._torn, self._lost = duct.torn, self._lost_now
         self._measure_freed()
         exercise = self.exercise
         self._finder = (
@@ -152,7 +161,9 @@ class DissectionMeasureTaker:
         if growth > 0.0:
             self.min_time_to_break = min(self.min_time_to_break, max(1.0 - ratio, 0.0) / growth)
         self._fractions = (ratio, *self._fractions[:-1])
-        self._torn = duct.torn
+        self._torn, self._lost = duct.torn, self._lost_now
+        if len(duct.pose) >= SCOPE_NUMBERS:
+            self._take_scope(duct.pose)
         forces: list[list[float]] = duct.forces.tolist()
         self._take_forces(forces)
         out_of_sight = self.out_of_sight
@@ -163,6 +174,16 @@ class DissectionMeasureTaker:
                 self._take_broken()
                 self._measure_freed()
         self._finder.take(self.stretches, self.out_of_sight - out_of_sight)
+
+    def _take_scope(self, pose: tuple[float, ...]) -> None:
+        """Take how the scope is held, which is known in steps of 5 mm or 5 degrees."""
+        before, self._scope = self._scope, pose
+        if before is not None and before is not pose:
+            self._scope_path += _size([b - a for a, b in zip(before[3:6], pose[3:6], strict=True)])
+        self._unseen += not all(in_picture(pose, hand.place.tolist()) for hand in self.duct.hands)
+        if len(pose) > SCOPE_NUMBERS:
+            self._levelled += 1
+            self._rolled += abs(pose[SCOPE_NUMBERS])
 
     def _take_forces(self, forces: list[list[float]]) -> None:
         pulls: list[list[float]] = self.duct.beam.state.pull.tolist()
@@ -263,6 +284,12 @@ class DissectionMeasureTaker:
         blood = self.duct.fluids.get("blood")
         return blood is not None and any(each.flow > LEAST_FLOW for each in blood.holes)
 
+    @property
+    def _lost_now(self) -> float | None:
+        """Blood that has flowed out, ml: it flows on after the run, which has its own."""
+        blood = self.duct.fluids.get("blood")
+        return None if blood is None else 1e-3 * blood.lost
+
     def holding_beside(self, low: float, high: float) -> tuple[int, float] | None:
         """Return how many strands hold next to the longest free stretch, and where, mm."""
         # Of both of its ends, that which fewer hold; None without a stretch.
@@ -295,7 +322,6 @@ class DissectionMeasureTaker:
         if not self._started:
             raise ValueError("a run starts with the first input; there has been none")
         torn, work = self._torn, sum(self._work)
-        blood = self.duct.fluids.get("blood")
         return DissectionMeasures(
             time_s=self.ticks * TICK_SECONDS,
             freed_mm=self.freed,
@@ -331,7 +357,10 @@ class DissectionMeasureTaker:
                 bending_stress_MPa=torn.bending_stress,
                 threshold_MPa=torn.threshold,
             ),
-            blood_lost_ml=None if blood is None else 1e-3 * blood.lost,
+            blood_lost_ml=self._lost,
+            time_out_of_picture_s=None if self._scope is None else self._unseen * TICK_SECONDS,
+            scope_path_mm=None if self._scope is None else self._scope_path,
+            horizon_deg=math.degrees(self._rolled / self._levelled) if self._levelled else None,
         )
 
 

@@ -54,8 +54,8 @@ REPLACED: frozenset[InputKind] = frozenset(
 WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide"})
 VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread"})
 """Kinds whose value is nothing, and three numbers."""
-VIEWS = (3, 6, 12)
-"""How many numbers a view may have."""
+VIEWS = (3, 6, 12, 13)
+"""How many numbers a view may have; with 12 a scope's horizon is not known."""
 
 
 class TheoryChoice(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -100,7 +100,8 @@ class Input(msgspec.Struct, frozen=True, array_like=True):
     "aim": (3,) direction from the tip back along the shaft; "spread": (3,) direction in which jaws
     part; "clip", "divide": None; "suck": ml/s; "view", whichever the hand: (3,) unit direction
     towards the viewer, where it is known (3,) mm of the camera's place, and through a scope its six
-    numbers: pan, tilt, depth, cable, head and the optical axis's angle, rad and mm.
+    numbers: pan, tilt, depth, cable, head and the optical axis's angle, rad and mm; then how
+    far its horizon is turned, rad.
     """
 
     tick: int  # number of ticks done before it

@@ -181,6 +181,20 @@ METRICS = (
         passed="{value:.3g} ml of blood were lost, more than {limit:.3g} ml",
     ),
     Metric(
+        "time_out_of_picture_s", "Time with a tip out of the picture", "s", "lower",
+        "Time for which the tip of either hand was outside the scope's round picture.",
+        limited="a tip out of the picture for no more than {limit:.3g} s",
+        passed="A tip was out of the picture for {value:.3g} s, more than {limit:.3g} s",
+    ),
+    Metric(
+        "scope_path_mm", "Path of the scope", "mm", "lower",
+        "Path of the scope's tip, in steps of 5 mm or 5 degrees.",
+    ),
+    Metric(
+        "horizon_deg", "Horizon", "°", "lower",
+        "Mean turn of the picture's horizon from level, either way.",
+    ),
+    Metric(
         DISTANCE_TO_BREAK, "Smallest distance to break", "%", "higher",
         "How near the duct came to its break: 0 % is the break.", 100.0,
         limited="{limit:.0f} % left to the break",

@@ -1,7 +1,7 @@
 """Replays: a logged run computed again from its inputs, with the same readings to the bit."""
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -55,6 +55,7 @@ class Replay:
         self._session = Session.of_log(log, organ, vertices)
         self._at = self._next = 0
         self._tore: bool | None = None
+        self._ended: tuple[RunFile, list[Incident]] | None = None
         self._session.restart(log)
 
     @property
@@ -98,8 +99,11 @@ class Replay:
         if self._at >= last:
             self._take_inputs()
             self._session.finish()
-            if self._tore is None:
-                self._tore = self._session.tissue.torn is not None
+            if self._ended is None:  # the same each time that it comes here
+                session = self._session
+                self._tore = session.tissue.torn is not None
+                file = RunFile.of(self.log, session.metrics(), session.run.outcome)
+                self._ended = file, session.run.incidents()
             rest = min(tick, self.ticks) - self._at
             if rest > 0:
                 self._session.advance(rest)
@@ -107,26 +111,29 @@ class Replay:
 
     def run_file(self) -> RunFile:
         """Return the run as it comes out here."""
-        with self._aside():
-            self.seek_tick(self.log.ticks)
-            session = self._session
-            return RunFile.of(self.log, session.metrics(), session.run.outcome)
+        return self._end()[0]
 
     def incidents(self) -> list[Incident]:
         """Return the errors that were made in the run, in order."""
-        with self._aside():
-            self.seek_tick(self.log.ticks)
-            return self._session.run.incidents()
+        return self._end()[1]
 
-    def series(self) -> Series:
-        """Return what the instruments showed, tick by tick."""
+    def series(self, look: Callable[[int], object] = lambda _: None) -> Series:
+        """Return what the instruments showed, tick by tick; `look` is called after each tick."""
         rows: list[tuple[float, ...]] = []
         with self._aside():
             self.seek_tick(0)
             for tick in range(1, self.log.ticks + 1):
                 self.seek_tick(tick)
                 rows.append((tick * TICK_SECONDS, *self._session.tissue.row()))
+                look(tick)
         return Series(("time_s", *self._session.tissue.columns), rows)
+
+    def _end(self) -> tuple[RunFile, list[Incident]]:
+        if self._ended is None:
+            with self._aside():
+                self.seek_tick(self.log.ticks)
+        assert self._ended is not None  # noqa: S101 (just been there)
+        return self._ended
 
     @contextmanager
     def _aside(self) -> Generator[None]:

@@ -290,8 +290,8 @@ def _check_value(each: Input, where: str) -> None:
             and any(value[:3])
         ):
             raise RunFileError(
-                f"{where} must have a direction, then a camera's place, then a scope's six numbers"
-                f", got {value!r}"
+                f"{where} must have a direction, then a camera's place, then a scope's numbers, "
+                f"got {value!r}"
             )
     elif each.kind == "grab":
         if (

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 from app.anatomy import tube_title
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
-from app.simulation.replay import Replay
 from app.simulation.safety import ENOUGH, SOME, CriticalView, Safety
+from app.simulation.session import Session
 from app.simulation.spatial_tissue import EventKind
 
-__all__ = ["Seen", "what_was_seen"]
+__all__ = ["Seen", "Sights"]
 
 LOOK_TICKS = TICKS_PER_SECOND
 """Ticks between two looks at the view."""
@@ -26,34 +26,44 @@ class Seen(NamedTuple):
     what: str
 
 
-def what_was_seen(replay: Replay) -> list[Seen]:
-    """Return what was seen and what happened in a run, in order; the replay goes to its end."""
-    session = replay.session
-    safety = Safety(session.spatial)
-    out: list[Seen] = []
-    reached: dict[str, float] = {}
-    points = 0
-    replay.seek_tick(0)
-    for tick in [*range(LOOK_TICKS, replay.log.ticks, LOOK_TICKS), replay.log.ticks]:
-        replay.seek_tick(tick)
-        view = safety.critical_view()
+class Sights:
+    """Takes what was seen and what happened while a run is replayed, tick by tick."""
+
+    def __init__(self, session: Session, ticks: int) -> None:
+        self._session, self._last = session, ticks
+        self._safety = Safety(session.spatial)
+        self._seen: list[Seen] = []
+        self._reached: dict[str, float] = {}
+        self._points = 0
+
+    def look(self, tick: int) -> None:
+        """Look at the session after a tick of its run, from 1; only some are looked at."""
+        if tick % LOOK_TICKS and tick != self._last:
+            return
+        view, now, seen = self._safety.critical_view(), tick * TICK_SECONDS, self._seen
         for what, fraction in _fractions(view):
             level = max((each for each in (SOME, ENOUGH) if fraction >= each), default=0.0)
-            if level > reached.get(what, 0.0):
-                reached[what] = level
-                out.append(Seen(tick * TICK_SECONDS, what.format(f"{100.0 * level:.0f} %")))
-        if view.total != points:
-            out.append(Seen(tick * TICK_SECONDS, f"{view.total} of 6 points (before: {points})"))
-            points = view.total
-    start = session.spatial.ticks - replay.log.ticks
-    out += [
-        Seen(
-            max(event.tick - start, 0) * TICK_SECONDS,
-            HAPPENED[event.kind].format(tube_title(event.tube)),
-        )
-        for event in session.spatial.events
-    ]
-    return sorted(out, key=lambda each: each.seconds)
+            if level > self._reached.get(what, 0.0):
+                self._reached[what] = level
+                seen.append(Seen(now, what.format(f"{100.0 * level:.0f} %")))
+        if view.total != self._points:
+            seen.append(Seen(now, f"{view.total} of 6 points (before: {self._points})"))
+            self._points = view.total
+        if tick == self._last:
+            spatial = self._session.spatial
+            start = spatial.ticks - tick
+            seen += [
+                Seen(
+                    max(event.tick - start, 0) * TICK_SECONDS,
+                    HAPPENED[event.kind].format(tube_title(event.tube)),
+                )
+                for event in spatial.events
+            ]
+
+    @property
+    def seen(self) -> list[Seen]:
+        """What was seen and what happened, in order."""
+        return sorted(self._seen, key=lambda each: each.seconds)
 
 
 def _fractions(view: CriticalView) -> list[tuple[str, float]]:

@@ -194,7 +194,7 @@ class Session:
         return self._act(hand, "divide") is not None
 
     def look_from(self, view: Sequence[float] | NDArray[np.float64]) -> None:
-        """See a duct in space from elsewhere: the (3,), (6,) or (12,) numbers of an `Input`."""
+        """See a duct in space from elsewhere: the (3,), (6,) or (13,) numbers of an `Input`."""
         # Strands that part out of sight, and stabs behind a duct, are judged by it.
         self._act(0, "view", *map(float, view))
 

@@ -1,10 +1,13 @@
-"""From where a duct in its bed is seen, and what is always seen."""
+"""From where a duct or an anatomy is seen, and what of it."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-__all__ = ["STEADY", "STEADY_MM", "TOWARDS_VIEWER", "WORKING_DISTANCE"]
+__all__ = [
+    "FIELD_OF_VIEW", "STEADY", "STEADY_MM", "TOWARDS_VIEWER", "WORKING_DISTANCE", "in_picture",
+]  # fmt: skip
 
 TOWARDS_VIEWER = np.array([0.0, -0.8, 0.6])
 """(3,) in the duct's frame, towards the camera of the standard view, as long as nobody moves it."""
@@ -14,3 +17,13 @@ STEADY_MM = 5.0
 """mm by which a camera must move before its view counts as another."""
 WORKING_DISTANCE = 5.0
 """mm along the duct from an instrument within which strands are seen, on whichever side."""
+FIELD_OF_VIEW = math.radians(60.0)
+"""From edge to edge of a scope's round picture, rad."""
+_EDGE = math.cos(0.5 * FIELD_OF_VIEW)
+
+
+def in_picture(pose: Sequence[float], place: Sequence[float]) -> bool:
+    """Return whether a place, (3,) mm, is in the picture of a scope, by the numbers of a view."""
+    x, y, z = (place[r] - pose[3 + r] for r in range(3))
+    deep = -(x * pose[0] + y * pose[1] + z * pose[2])
+    return deep >= _EDGE * math.sqrt(x * x + y * y + z * z)

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 from typing import cast
-from unittest.mock import MagicMock
+from unittest.mock import MagicMock, patch
 
 import numpy as np
 import pytest
@@ -23,13 +23,16 @@ from app.simulation import (
     TROCARS,
     Dissection,
     Feedback,
+    Replay,
     Session,
+    Sights,
     Specimen,
     Trocar,
     exercises_offered,
     performed,
+    read_run,
     read_script,
-    what_was_seen,
+    run_json,
 )
 from app.simulation.trocar import DEEPEST, LENGTH
 from app.trainer.client.page_state import PageState
@@ -412,7 +415,20 @@ def test_what_was_seen_of_a_run_and_its_replay_in_the_page() -> None:
     assert run.outcome is not None
     assert not run.outcome.passed
     state = PageState(MagicMock(), session, cast(Workers, None))
-    seen = what_was_seen(state.replay_of(run, vertices=300))
+    replay = state.replay_of(run, vertices=300)
+    sights, ticks = Sights(replay.session, run.log.ticks), 0
+
+    def look(tick: int) -> None:
+        nonlocal ticks
+        ticks += 1
+        sights.look(tick)
+
+    replay.series(look)
+    with patch.object(replay.session, "advance", side_effect=AssertionError("computed again")):
+        assert replay.incidents() == session.run.incidents()
+        assert run.agrees_with(replay.run_file())
+    assert ticks == run.log.ticks
+    seen = sights.seen
     assert [each.seconds for each in seen] == sorted(each.seconds for each in seen)
     torn = [event for event in session.spatial.events if event.kind == "tear"]
     assert [(each.seconds, each.what) for each in seen if "tears" in each.what] == [
@@ -425,3 +441,31 @@ def test_what_was_seen_of_a_run_and_its_replay_in_the_page() -> None:
     other = Session(Specimen.of_anatomy(anatomy_named("short-cystic")), vertices=300)
     with pytest.raises(ValueError, match="the anatomy 'normal'"):
         PageState(MagicMock(), other, cast(Workers, None)).start_replay(run)
+
+
+def test_the_scope_has_measures_of_its_own() -> None:
+    """A tip that the scope leaves behind is unseen from then on; a tilted scope has no horizon."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=300)
+    held = HeldScope(anatomy_network(anatomy_named("normal")))
+
+    def look_on(seconds: int) -> None:
+        for _ in range(30 * seconds):
+            session.look_from(held.view)
+            session.advance()
+
+    session.open_jaws(1, 2.0)
+    look_on(1)
+    found = session.metrics()
+    assert found["time_out_of_picture_s"] == found["scope_path_mm"] == 0.0
+    assert found["horizon_deg"] == pytest.approx(0.0, abs=1e-6)
+    tip = held.camera.tip
+    held.move(pan=0.6)
+    look_on(1)
+    found, moved = session.metrics(), held.camera.tip - tip
+    assert found["time_out_of_picture_s"] == pytest.approx(1.0)
+    assert found["scope_path_mm"] == pytest.approx(float(np.sqrt((moved**2).sum())))
+    assert found["horizon_deg"] == pytest.approx(
+        0.5 * abs(math.degrees(held.scope.roll(held.pose))), rel=1e-6
+    )
+    kept = read_run(run_json(session.run_file()))
+    assert kept.agrees_with(Replay(kept.log, session.spatial.dissection.organ).run_file())

@@ -15,10 +15,10 @@ from app.simulation import (
     RunFile,
     Seen,
     Session,
+    Sights,
     Stay,
     perform,
     run_json,
-    what_was_seen,
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import note, on_click, rows_html
@@ -102,7 +102,11 @@ def show_result(
     """
     gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
     replay = state.replay_of(run, vertices=FEW)
-    incidents, series = replay.incidents(), replay.series()
+    at_anatomy = exercise is not None and run.log.start.anatomy is not None
+    sights = Sights(replay.session, run.log.ticks) if at_anatomy else None
+    # A run is computed once: its errors are there once its series is.
+    series = replay.series() if sights is None else replay.series(sights.look)
+    incidents = replay.incidents()
     expert = _expert(run, state)
     best: Done | None = None
     if expert is not None:
@@ -183,9 +187,9 @@ def show_result(
             json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
         with tabs.add_tab("Over time"):
             add_series_plots(gui, series, exercise)
-        if exercise is not None and run.log.start.anatomy is not None:
+        if sights is not None:
             with tabs.add_tab("What was seen"):
-                gui.add_html(_seen_html(what_was_seen(replay)))
+                gui.add_html(_seen_html(sights.seen))
         if expert is not None:
             shown = gui.add_button("Show me", icon=viser.Icon.SCHOOL, color="gray", hint=SHOW_ME)
             on_click(shown, lambda: play_expert(0.0))

@@ -71,3 +71,10 @@ class HeldScope:
     def camera(self) -> Camera:
         """Its camera as it is held."""
         return self.scope.camera(self.pose)
+
+    @property
+    def view(self) -> list[float]:
+        """Direction back along its picture, its tip, how it is held and its horizon: an `Input`."""
+        camera = self.camera
+        held = *self.pose.numbers, self.scope.angle, self.scope.roll(self.pose)
+        return [*camera.axes[:, 2].tolist(), *camera.tip.tolist(), *held]

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FIELD_OF_VIEW", "OBLIQUE", "Camera", "Laparoscope", "Pose"]
+from app.simulation import FIELD_OF_VIEW
+
+__all__ = ["OBLIQUE", "Camera", "Laparoscope", "Pose"]
 
 Floats = NDArray[np.float64]
 
-FIELD_OF_VIEW = math.radians(60.0)
-"""From edge to edge of the round picture, rad."""
 OBLIQUE = math.radians(30.0)
 """Angle between shaft and optical axis of the usual oblique scope, rad."""
 # rad and mm, within which a trocar lets the scope move.

@@ -156,11 +156,8 @@ class ScopeScene:
 
     @property
     def view(self) -> Sequence[float]:
-        """Direction back along the scope's picture, its tip, and how it is held."""
-        held = self._held
-        camera = held.camera
-        numbers = *held.pose.numbers, held.scope.angle
-        return [*camera.axes[:, 2].tolist(), *camera.tip.tolist(), *numbers]
+        """Whence the tissue is seen."""
+        return self._held.view
 
     def say_standing(self, *, figures: bool) -> None:
         """Nothing is written into the picture of a camera."""
