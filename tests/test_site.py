@@ -87,6 +87,7 @@ def test_every_example_is_shown() -> None:
         "clone_window.py",
         "refine_window.py",
         "scope_film.py",
+        "scope_stills.py",
         "search_window.py",
     }  # that draw pages and films, or learn long
     scripts = {path.name for path in (ROOT / "examples").glob("*.py")} - others

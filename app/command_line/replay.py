@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 __all__ = ["replay"]
 
 # Kinds of file that play a run, and those that have its end, by suffix.
-PLAYED = (".glb", ".html", ".pvd")
+PLAYED = (".glb", ".html", ".pvd", ".webm", ".webp")
+FILMS = (".webm", ".webp")
 MOMENT = (".vtp", ".stl", ".ply", ".obj")
 SERIES_FRAMES = 60
 MOST_ERRORS = 20
@@ -38,14 +39,15 @@ def replay(
             "--output",
             "-o",
             help="File of the run: a rigged .glb, a page, .html, or a series with stresses, .pvd; "
-            "its end as .vtp, .stl, .ply or .obj.",
+            "at an anatomy also a film, .webm or .webp; its end as .vtp, .stl, .ply or .obj.",
         ),
     ] = None,
     frames: Annotated[
         int | None,
         typer.Option(
             help="With -o: keys up to the end or the tear.",
-            show_default="each tick, at most 2,000; of a page 300, of a series 60",
+            show_default="each tick, at most 2,000; of a page 300, of a series 60, "
+            "of a film 10 a second, at most 200",
         ),
     ] = None,
     edge_length: Annotated[
@@ -129,8 +131,8 @@ def _check_output(path: Path, log: "RunLog", frames: int | None) -> None:
             f"cannot write {path}: a run is written as one of {', '.join(kinds)}; its name must "
             f"end so"
         )
-    if suffix == ".html" and log.start.anatomy is not None:
-        raise ValueError(f"cannot write {path}: a page plays one duct; take a .glb or a .pvd")
+    if suffix in FILMS and log.start.anatomy is None:
+        raise ValueError(f"cannot write {path}: a film is of a run at an anatomy; take an .html")
     if suffix not in (".glb", ".html") and log.start.theory is not None:
         raise ValueError(
             f"cannot write {path}: of a pull without a bed a run is a .glb or an .html; "
@@ -159,6 +161,8 @@ def _write_played(
     from organ_geometry import write_atomic
 
     suffix = path.suffix.lower()
+    if log.start.anatomy is not None and suffix in (".html", *FILMS):
+        return _write_seen(log, organ, path, frames)
     if frames is None:
         most = {".glb": MOST_FRAMES, ".html": PAGE_FRAMES, ".pvd": SERIES_FRAMES}
         frames = most.get(suffix, 2)
@@ -190,6 +194,29 @@ def _write_played(
         "keys": keys,
         "surfaces": list(result.surfaces),
     }
+
+
+def _write_seen(log: "RunLog", organ: "Organ", path: Path, frames: int | None) -> dict[str, object]:
+    """Write a run at an anatomy as it was seen through the scope, and return its description."""
+    from app.export.motion import PAGE_FRAMES, check_frames
+    from app.simulation import Replay
+    from organ_geometry import write_atomic
+
+    if frames is not None:
+        check_frames(frames)
+    if not log.ticks:
+        raise ValueError("a run of no ticks has nothing to play; move a hand, and wait")
+    again = Replay(log, organ)
+    if path.suffix.lower() == ".html":
+        from app.trainer.pages.scope_player import scope_page
+
+        keys = min(PAGE_FRAMES if frames is None else frames, log.ticks + 1)
+        write_atomic(path, scope_page(again, frames=keys).encode())
+    else:
+        from app.trainer.pages.scope_film import write_film
+
+        keys = write_film(again, path, pictures=frames)
+    return {"file": str(path), "files": 1, "bytes": path.stat().st_size, "keys": keys}
 
 
 def _lines(metrics: "Metrics") -> list[tuple[str, str]]:

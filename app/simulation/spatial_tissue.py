@@ -444,6 +444,10 @@ class SpatialTissue:
             self._forget_reading()
         return found
 
+    def sucks(self, hand: int) -> bool:
+        """Return whether a hand's suction is on."""
+        return self._suction[hand] > 0.0
+
     def _suck(self, hand: int, rate: float) -> Applied | None:
         if self.hands[hand].instrument != "suction":
             return None

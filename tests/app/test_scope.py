@@ -400,9 +400,24 @@ def test_clips_scissors_and_suction(lead: ScopeLead) -> None:
     pooled = tissue.pooled_ml()
     lead.choose_instrument(1, "suction")
     lead.use_instrument()
-    assert lead.sucks(1)
+    assert session.spatial.sucks(1)
     pass_time(lead, session, 1.0)
     assert tissue.pooled_ml() < pooled
+
+
+def test_a_scope_is_held_as_a_run_has_logged_it() -> None:
+    """Pose and optics of a logged view, to the bit; not where a trainee holds it, nor without."""
+    held = HeldScope(anatomy_network(anatomy_named("normal")))
+    home, straight = held.pose, held.scope.angle
+    pose = home.moved(pan=0.2, tilt=-0.1, depth=9.0, cable=0.4, head=0.3)
+    logged = (0.0, 0.0, 1.0, 1.0, 2.0, 3.0, *pose.numbers, OBLIQUE)
+    assert held.show(logged)
+    assert (held.pose, held.scope.angle) == (pose, OBLIQUE)
+    assert not held.show(logged[:6])
+    assert held.advance([])  # left alone, the assistant holds it as before
+    assert (held.pose, held.scope.angle) == (home, straight)
+    held.move(pan=0.01)
+    assert not held.show(logged)
 
 
 def test_what_was_seen_of_a_run_and_its_replay_in_the_page() -> None:

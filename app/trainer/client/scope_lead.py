@@ -56,7 +56,6 @@ class ScopeLead:
         self.leads_scope = self.by_handle = False
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
-        self._sucks = [False] * len(state.hands)
 
     @property
     def session(self) -> Session:
@@ -87,7 +86,7 @@ class ScopeLead:
         state.choose_instrument(hand, instrument)
         if state.hands[hand].instrument == before:
             return
-        self._goals[hand], self._sucks[hand] = None, False
+        self._goals[hand] = None
         self._aim(hand)
         if instrument in COMES_OPEN:
             state.session.open_jaws(hand, CLIP_OPENING)
@@ -180,7 +179,7 @@ class ScopeLead:
         now: dict[Instrument, str] = {
             "clip applier": "Clip",
             "scissors": "Divide",
-            "suction": "Stop" if self._sucks[self.hand] else "Suck",
+            "suction": "Stop" if self._state.shown.spatial.sucks(self.hand) else "Suck",
             "swab": "Wipe",
         }
         if holder.instrument in HOLDING:
@@ -220,13 +219,9 @@ class ScopeLead:
             self._state.refuse(NOT_BETWEEN)
 
     def _suck(self) -> None:
-        self._sucks[self.hand] = not self._sucks[self.hand]
-        self.session.suck(self.hand, SUCTION if self._sucks[self.hand] else 0.0)
+        on = self.session.spatial.sucks(self.hand)
+        self.session.suck(self.hand, 0.0 if on else SUCTION)
         self._state.show()
-
-    def sucks(self, hand: int) -> bool:
-        """Return whether a hand's suction is on."""
-        return self._sucks[hand]
 
     def open_more(self, more: float) -> None:
         """Part the active hand's jaws by some mm more, or less."""
@@ -237,7 +232,6 @@ class ScopeLead:
     def reset(self) -> None:
         """Make all whole, and lead nothing."""
         self._goals = [None] * len(self._goals)
-        self._sucks = [False] * len(self._sucks)
         self._state.reset()
 
     def _may_act(self) -> bool:

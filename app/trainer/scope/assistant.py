@@ -24,19 +24,19 @@ class Assistant:
     """Looks at a place at a distance, and follows tips that leave the middle of the picture."""
 
     def __init__(self, scope: Laparoscope, pose: Pose, target: Floats, distance: float) -> None:
-        self._scope = scope
+        self.scope = scope
         self.aim(pose, target, distance)
 
     def aim(self, pose: Pose, target: Floats, distance: float) -> None:
         """Hold the scope so from now on, at once."""
         self._target, self._distance = np.array(target, dtype=np.float64), float(distance)
-        self.pose = self._scope.look(self._target, self._distance, pose)
+        self.pose = self.scope.look(self._target, self._distance, pose)
 
     def follow(self, tips: Sequence[Floats], seconds: float) -> Pose:
         """Return the pose a moment later, s, with tips, (3,) mm each, where they are."""
         if not tips:
             return self.pose
-        camera = self._scope.camera(self.pose)
+        camera = self.scope.camera(self.pose)
         farthest = max(camera.seen(tip)[0] for tip in tips)
         middle = np.mean(np.stack(list(tips)), axis=0)
         if farthest > INNER:
@@ -49,7 +49,7 @@ class Assistant:
             most = SPEED * seconds * haste
             self._distance += min(max(far, -most), most)
             self._distance = max(self._distance, NEAREST)
-            self.pose = self._scope.look(self._target, self._distance, self.pose)
+            self.pose = self.scope.look(self._target, self._distance, self.pose)
         return self.pose
 
     def _step(self, middle: Floats, haste: float, seconds: float) -> None:

@@ -22,6 +22,8 @@ OUTSIDE = 215.0
 """From the scope's trocar to the triangle, mm."""
 HOME = 66.0
 """At which it is seen first, mm."""
+SCOPE_NUMBERS = 12
+"""Of a view through a scope, as an `Input` has it."""
 
 
 class HeldScope:
@@ -63,9 +65,24 @@ class HeldScope:
         """Let the assistant follow tips for a tick; return whether the scope has moved."""
         if not self.assisted:
             return False
-        before = self.pose
-        self.pose = self._assistant.follow(tips, TICK_SECONDS)
-        return self.pose != before
+        return self._hold(self._assistant.scope, self._assistant.follow(tips, TICK_SECONDS))
+
+    def show(self, logged: Sequence[float]) -> bool:
+        """Hold the scope as a tissue's `pose` says; return False where none is held so."""
+        if not self.assisted or len(logged) != SCOPE_NUMBERS:
+            return False
+        *held, angle = logged[-6:]
+        scope = self.scope
+        if angle != scope.angle:
+            scope = Laparoscope(scope.pivot, scope.base, angle)
+        self._hold(scope, Pose(*held))
+        return True
+
+    def _hold(self, scope: Laparoscope, pose: Pose) -> bool:
+        """Hold a scope so; return whether anything has changed."""
+        before = self.pose, self.scope.angle
+        self.scope, self.pose = scope, pose
+        return before != (pose, scope.angle)
 
     @property
     def camera(self) -> Camera:

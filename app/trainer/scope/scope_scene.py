@@ -2,16 +2,15 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol, get_args
+from typing import Protocol
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.simulation import TROCARS, EventKind, Hand, Instrument, Reading, Session, Trocar
+from app.simulation import Reading, Session
+from app.trainer.scope.drawn_tissue import draw_tissue, picture_of
 from app.trainer.scope.held_scope import HeldScope
-from app.trainer.scope.near_place import wall_offset
-from app.trainer.scope.packing import DrawnHand, Well
 from app.trainer.scope.picture import ScopePicture
 from app.trainer.stage.lighting import Look
 from app.trainer.viser_bridge.page import run_function
@@ -21,10 +20,6 @@ __all__ = ["ScopeScene"]
 
 Floats = NDArray[np.float64]
 
-INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
-JAWS_APART = 3.0
-"""mm between the ends of jaws that hold a wall."""
-
 
 class Led(Protocol):
     """What the pointer in the picture leads: the active hand, or the scope."""
@@ -32,6 +27,11 @@ class Led(Protocol):
     @property
     def hand(self) -> int:
         """Number of the active hand."""
+        ...
+
+    @property
+    def session(self) -> Session:
+        """The client's own session."""
         ...
 
     leads_scope: bool
@@ -79,10 +79,6 @@ class Led(Protocol):
         """Do what the active hand's instrument does."""
         ...
 
-    def sucks(self, hand: int) -> bool:
-        """Return whether a hand's suction is on."""
-        ...
-
     def move_scope(self, pan: float, tilt: float, depth: float, cable: float) -> None:
         """Move the scope, rad and mm."""
         ...
@@ -121,7 +117,11 @@ class ScopeScene:
     def advance(self, ticks: int) -> bool:
         """Lead the hands, and let the assistant follow them; return whether the scope has moved."""
         self._led.advance(ticks)
-        tips = [hand.place for hand in self._session.spatial.hands]
+        tissue = self._session.spatial
+        # A replay, and another's session, are seen through the scope that was held there.
+        if self._session is not self._led.session and self._held.show(tissue.pose):
+            return True
+        tips = [hand.place for hand in tissue.hands]
         moved = [self._held.advance(tips) for _ in range(ticks)]
         return any(moved)
 
@@ -134,20 +134,7 @@ class ScopeScene:
         overlay: bool = False,
     ) -> None:
         """Draw the session as it is now: as the camera sees it, without colours or figures."""
-        spatial = self._session.spatial
-        picture = self._set_picture()
-        torn = [(tube, each) for tube, each in enumerate(spatial.torn_elements) if each >= 0]
-        torn += [(tube, math.floor(at)) for tube, at in self._at_events("division")]
-        pose = self._held.pose
-        picture.send(
-            spatial.beam,
-            pose,
-            self._hands(),
-            self._wells(),
-            self._at_events("clip"),
-            torn,
-            (1e3 * spatial.pooled_ml("blood"), 1e3 * spatial.pooled_ml("bile")),
-        )
+        draw_tissue(self._set_picture(), self._session.spatial, self._held.pose)
         leads = -1 if self._led.leads_scope else self._led.hand, self._led.by_handle
         if self._pointer is not None and leads != self._leads:
             self._leads = leads
@@ -205,14 +192,11 @@ class ScopeScene:
             self._clear()
         if self._picture is None:
             self._drawn_with = scope.angle
-            self._picture = ScopePicture(
+            self._picture = picture_of(
                 self._client.scene,
                 self._held.made,
-                self._session.spatial.beam,
-                self._session.spatial.tubes.dissections,
-                scope=scope,
-                trocars=TROCARS,
-                instruments=INSTRUMENTS,
+                self._session.spatial,
+                scope,
                 plain=self._look == "plain",
             )
             self._leads = None
@@ -222,48 +206,6 @@ class ScopeScene:
         if self._picture is not None:
             self._picture.remove()
             self._picture = None
-
-    def _hands(self) -> list[DrawnHand]:
-        spatial = self._session.spatial
-        out: list[DrawnHand] = []
-        for number, hand in enumerate(spatial.hands):
-            holds = hand.node is not None
-            # It holds the wall, not the axis.
-            x, y, z = (float(each) for each in hand.place + wall_offset(spatial, number))
-            sucks = hand.instrument == "suction" and self._led.sucks(number)
-            opening = JAWS_APART if holds or sucks else hand.opening
-            out.append(
-                DrawnHand(
-                    INSTRUMENTS.index(hand.instrument),
-                    (x, y, z),
-                    opening,
-                    _roll(TROCARS[number], hand),
-                    holds,
-                )
-            )
-        return out
-
-    def _wells(self) -> list[Well]:
-        """Return where blood and bile flow out, the quickest last."""
-        spatial = self._session.spatial
-        out: list[Well] = []
-        for fluid, flow in spatial.fluids.items():
-            for hole in flow.holes:
-                x, y, z = (float(each) for each in spatial.beam.places[hole.node])
-                out.append(Well((x, y, z), hole.flow, fluid == "bile"))
-        return sorted(out, key=lambda well: well.rate)
-
-    def _at_events(self, kind: EventKind) -> list[tuple[int, float]]:
-        """Return tubes' numbers and places along them, in elements, where something was done."""
-        spatial = self._session.spatial
-        out: list[tuple[int, float]] = []
-        for event in spatial.events:
-            if event.kind == kind:
-                number = spatial.tubes.names.index(event.tube)
-                at = event.station * spatial.tubes.surfaces[number].scale
-                stations = spatial.beam.stations_of(event.tube)
-                out.append((number, float(np.interp(at, stations, np.arange(stations.size)))))
-        return out
 
 
 def _read(message: str) -> tuple[str, list[float]]:
@@ -276,17 +218,3 @@ def _read(message: str) -> tuple[str, list[float]]:
     if not parts or not all(map(math.isfinite, numbers)):
         return "", []
     return parts[0], numbers
-
-
-def _roll(trocar: Trocar, hand: Hand) -> float:
-    """Return an instrument's turn about its shaft, rad: as its jaws part or its tip bends."""
-    back = trocar.shaft(hand.place)
-    level = np.cross((0.0, 0.0, 1.0), back)
-    level = level / math.sqrt(float((level * level).sum()))
-    over = np.cross(back, level)
-    if hand.instrument == "right angle":  # it bends along level cos(roll) + over sin(roll)
-        bent = -np.array(hand.aim)
-        return math.atan2(float((bent * over).sum()), float((bent * level).sum()))
-    # Jaws part along over cos(roll) - level sin(roll): along x where nothing else is said.
-    apart = np.array(hand.spread if any(hand.spread) else (1.0, 0.0, 0.0))
-    return math.atan2(-float((apart * level).sum()), float((apart * over).sum()))

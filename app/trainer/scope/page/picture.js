@@ -11,6 +11,9 @@
   const BEAT_HZ = 1.2, SWELLS = 0.035;         // of an artery: heart's rate, and part of its radius
   const COARSE = 0.5;                          // dots a pixel of the plain look
   const ROUND = 1.10;                          // of half the picture's shorter side
+  // Round the picture it is black, and darker towards its edge.
+  const EDGE = "position: absolute; inset: 0; pointer-events: none; z-index: 1; background: radial-gradient(circle closest-side, "
+    + "transparent 62%, rgba(0, 0, 0, 0.15) 92%, rgba(4, 1, 1, 0.5) 107%, #000 110.4%)";
 
   class Picture {
     constructor(source, given, shaders) {
@@ -42,6 +45,7 @@
       this.#makeInstruments();
       this.frame = document.createElement("div");
       this.frame.className = "bd-scope-frame";
+      this.frame.style.cssText = EDGE;
       viewer.canvas().parentElement.append(this.frame);
     }
 

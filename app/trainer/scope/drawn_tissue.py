@@ -1,0 +1,97 @@
+"""What a picture through the scope gets of a tissue: instruments, wounds, clips, and the pose."""
+
+import math
+from typing import get_args
+
+import numpy as np
+import viser
+
+from app.anatomy import AnatomyNetwork
+from app.simulation import TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar
+from app.trainer.scope.near_place import wall_offset
+from app.trainer.scope.packing import DrawnHand, Well
+from app.trainer.scope.picture import ScopePicture
+from app.trainer.scope.pose import Laparoscope, Pose
+
+__all__ = ["draw_tissue", "picture_of"]
+
+INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
+JAWS_APART = 3.0
+"""mm between the ends of jaws that hold a wall."""
+
+
+def picture_of(
+    scene: viser.SceneApi,
+    made: AnatomyNetwork,
+    tissue: SpatialTissue,
+    scope: Laparoscope,
+    *,
+    plain: bool = False,
+) -> ScopePicture:
+    """Return the picture of an anatomy's tissue through a scope."""
+    dissections = tissue.tubes.dissections
+    return ScopePicture(
+        scene, made, tissue.beam, dissections, scope=scope, trocars=TROCARS,
+        instruments=INSTRUMENTS, plain=plain,
+    )  # fmt: skip
+
+
+def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, pose: Pose) -> None:
+    """Send a tissue as it is now, seen as the scope is held."""
+    torn = [(tube, each) for tube, each in enumerate(tissue.torn_elements) if each >= 0]
+    torn += [(tube, math.floor(at)) for tube, at in _at_events(tissue, "division")]
+    picture.send(
+        tissue.beam,
+        pose,
+        [_hand(tissue, number) for number in range(len(tissue.hands))],
+        _wells(tissue),
+        _at_events(tissue, "clip"),
+        torn,
+        (1e3 * tissue.pooled_ml("blood"), 1e3 * tissue.pooled_ml("bile")),
+    )
+
+
+def _hand(tissue: SpatialTissue, number: int) -> DrawnHand:
+    hand = tissue.hands[number]
+    holds = hand.node is not None
+    # It holds the wall, not the axis.
+    x, y, z = (float(each) for each in hand.place + wall_offset(tissue, number))
+    opening = JAWS_APART if holds or tissue.sucks(number) else hand.opening
+    roll = _roll(TROCARS[number], hand)
+    return DrawnHand(INSTRUMENTS.index(hand.instrument), (x, y, z), opening, roll, holds)
+
+
+def _wells(tissue: SpatialTissue) -> list[Well]:
+    """Return where blood and bile flow out, the quickest last."""
+    out: list[Well] = []
+    for fluid, flow in tissue.fluids.items():
+        for hole in flow.holes:
+            x, y, z = (float(each) for each in tissue.beam.places[hole.node])
+            out.append(Well((x, y, z), hole.flow, fluid == "bile"))
+    return sorted(out, key=lambda well: well.rate)
+
+
+def _at_events(tissue: SpatialTissue, kind: EventKind) -> list[tuple[int, float]]:
+    """Return tubes' numbers and places along them, in elements, where something was done."""
+    out: list[tuple[int, float]] = []
+    for event in tissue.events:
+        if event.kind == kind:
+            number = tissue.tubes.names.index(event.tube)
+            at = event.station * tissue.tubes.surfaces[number].scale
+            stations = tissue.beam.stations_of(event.tube)
+            out.append((number, float(np.interp(at, stations, np.arange(stations.size)))))
+    return out
+
+
+def _roll(trocar: Trocar, hand: Hand) -> float:
+    """Return an instrument's turn about its shaft, rad: as its jaws part or its tip bends."""
+    back = trocar.shaft(hand.place)
+    level = np.cross((0.0, 0.0, 1.0), back)
+    level = level / math.sqrt(float((level * level).sum()))
+    over = np.cross(back, level)
+    if hand.instrument == "right angle":  # it bends along level cos(roll) + over sin(roll)
+        bent = -np.array(hand.aim)
+        return math.atan2(float((bent * over).sum()), float((bent * level).sum()))
+    # Jaws part along over cos(roll) - level sin(roll): along x where nothing else is said.
+    apart = np.array(hand.spread if any(hand.spread) else (1.0, 0.0, 0.0))
+    return math.atan2(-float((apart * level).sum()), float((apart * over).sum()))

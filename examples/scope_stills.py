@@ -1,0 +1,76 @@
+"""Take four stills through the laparoscope, drawn by a headless Chromium.
+
+python examples/scope_stills.py docs/images
+
+It needs pip install 'bluntdissect[film]', and a Chromium.
+"""
+
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+
+from app.anatomy import anatomy_named, anatomy_network
+from app.simulation import Replay, Session, Specimen, performed, read_run, read_script
+from app.trainer.pages.scope_film import filmed
+from app.trainer.pages.scope_player import follow
+from app.trainer.scope.held_scope import HeldScope
+
+ROOT = Path(__file__).parents[1]
+SIZE = 1280, 800
+QUALITY = 85
+
+
+class Still(NamedTuple):
+    """A moment of a script, s, and how much deeper the scope is held than by its assistant, mm."""
+
+    name: str
+    script: str
+    seconds: float
+    deeper: float = 0.0
+
+
+STILLS = (
+    Still("scope-covered", "careful", 6.0),
+    Still("scope-webs", "careful", 160.0, 22.0),
+    Still("scope-window", "careful", 525.0, 8.0),
+    Still("scope-bleeding", "hasty", 5.0),
+)
+
+
+def run_of(script: str) -> Replay:
+    """Return a replay of what a script does at the usual anatomy; from its run where it is kept."""
+    path = ROOT / "assets" / "scripts" / f"{script}.toml"
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=300)
+    if len(sys.argv) > 2 and (kept := Path(sys.argv[2]) / f"{script}.json").exists():
+        return Replay(read_run(kept.read_bytes()).log, session.tissue.dissection.organ)
+    performed(read_script(path), session)
+    return Replay(session.run_file().log, session.tissue.dissection.organ)
+
+
+def take(still: Still, folder: Path) -> None:
+    """Take one still."""
+    replay, held = run_of(still.script), HeldScope(anatomy_network(anatomy_named("normal")))
+    with filmed(replay, held, SIZE) as picture:
+        at = 0.0
+        # On the way blood runs and the sheet gives way, as in a run that is watched.
+        for seconds in (*range(1, int(still.seconds), 2), still.seconds):
+            replay.seek(seconds)
+            follow(held, replay.session, round(30 * (seconds - at)))
+            at = seconds
+            if still.seconds - at < 8.0:
+                picture()
+        held.move(depth=still.deeper)
+        for _ in range(5):  # the camera's head brightens it step by step
+            picture()
+        shot = picture()
+    cv2.imwrite(str(folder / f"{still.name}.webp"), shot, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
+
+
+if __name__ == "__main__":
+    only = sys.argv[3:] or [each.name for each in STILLS]
+    for each in STILLS:
+        if each.name in only:
+            take(each, Path(sys.argv[1]))
+            print(each.name)
