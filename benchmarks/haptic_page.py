@@ -31,7 +31,7 @@ from app.haptics.servo_process import (
     Snapshot,
 )
 from app.haptics.servo_report import ServoReport
-from app.simulation import Touch
+from app.simulation import HandContact
 from app.trainer.server.trainer import Trainer
 from benchmarks.browser_page import PICTURES, browser_page
 from benchmarks.haptic_servo import virtual_service
@@ -85,7 +85,7 @@ class Led:
         self._generation += 1
         return self._generation
 
-    def lead(self, touch: Touch | None, holds: object) -> None:
+    def lead(self, touch: HandContact | None, holds: object) -> None:
         """Feel nothing of another hand."""
 
     def snapshot(self) -> Snapshot:
@@ -192,7 +192,7 @@ def beside_page(
         "over 1.5 ms, %": 100.0 * report.missed_part,
         "period, 99.9 %, us": report.period_us.p99_9,
         "state to force, 99 %, us": report.state_to_force_us.p99,
-        "books close to": report.energy_mJ.residual_of_peak,
+        "energy balance closes to": report.energy_mJ.residual_of_peak,
         "periods": report.periods,
         "scheduled": report.scheduling,
         **figures,

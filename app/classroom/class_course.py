@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from app.classroom.course import Course, read_course
-from app.classroom.exercise_file import SetExercise
+from app.classroom.exercise_file import AssignedExercise
 from app.classroom.progress import LevelStanding, Try, next_level, standings
 from app.classroom.store import ClassStore, Person
 from app.simulation import Preset
@@ -67,7 +67,7 @@ class ClassCourse:
 
     def next_try(
         self, person: Person, tries: Sequence[Try], organ: Organ, preset: Preset | None
-    ) -> tuple[LevelStanding, SetExercise] | None:
+    ) -> tuple[LevelStanding, AssignedExercise] | None:
         """Return the level that somebody does next and its exercise; None if nothing is open."""
         where = next_level(self.standing(tries), person.level)
         if self._course is None or where is None:

@@ -21,10 +21,10 @@ from app.classroom.exercise_file import (
     AT_ANATOMY,
     DRAWN,
     PULLS,
+    AssignedExercise,
     DuctChoice,
     ExerciseFile,
     Goal,
-    SetExercise,
 )
 from app.simulation import ERROR_CLASSES, METRICS, Feedback, Preset
 from organ_geometry import Organ
@@ -151,7 +151,7 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def try_on(
         self, organ: Organ, preset: Preset | None, *, row: int, seed: int | None
-    ) -> SetExercise:
+    ) -> AssignedExercise:
         """Return the next try's exercise after `row` passes; seconds the first time."""
         # The limits are those of the bed, of which only the scatter is the seed's, or those of the
         # seed's anatomy.
@@ -175,7 +175,7 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 @lru_cache(maxsize=64)
-def _asked(file: bytes, organ: Organ, preset: Preset | None) -> SetExercise:
+def _asked(file: bytes, organ: Organ, preset: Preset | None) -> AssignedExercise:
     # As JSON, which can be a cache's key.
     return msgspec.json.decode(file, type=ExerciseFile).on(organ, preset)
 

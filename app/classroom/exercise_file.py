@@ -31,7 +31,13 @@ from app.simulation import (
 from organ_geometry import Organ
 
 __all__ = [
-    "AT_ANATOMY", "GOALS", "ExerciseFile", "Goal", "SetExercise", "mode_of", "read_exercise",
+    "AT_ANATOMY",
+    "GOALS",
+    "AssignedExercise",
+    "ExerciseFile",
+    "Goal",
+    "mode_of",
+    "read_exercise",
     "template",
 ]  # fmt: skip
 
@@ -84,7 +90,7 @@ class DuctChoice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     relaxes: bool = False  # while it is held, in a bed
 
 
-class SetExercise(msgspec.Struct, frozen=True):
+class AssignedExercise(msgspec.Struct, frozen=True):
     """What an exercise file asks on a duct."""
 
     title: str
@@ -100,7 +106,7 @@ class SetExercise(msgspec.Struct, frozen=True):
         return msgspec.json.encode(self).decode()
 
     @classmethod
-    def of_json(cls, content: str) -> "SetExercise":
+    def of_json(cls, content: str) -> "AssignedExercise":
         """Return it from JSON."""
         plain = msgspec.json.decode(content)
         plain["exercise"] = msgspec.convert(renamed_exercise(plain["exercise"]), Exercise)
@@ -146,7 +152,7 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         for error, most in self.errors.items():
             Limit(error, most)
 
-    def on(self, organ: Organ, preset: Preset | None) -> SetExercise:
+    def on(self, organ: Organ, preset: Preset | None) -> AssignedExercise:
         """Return what it asks on the class's organ; this takes seconds the first time."""
         chosen = preset if self.duct.preset is None else preset_named(self.duct.preset)
         if self.goal in PULLS:
@@ -173,7 +179,7 @@ class ExerciseFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"limits or errors: {error}") from None
         if self.limits.get("to_mm", 0.0) > span + 1e-9:
             raise ValueError(f"limits.to_mm must be at most the duct's {span:.1f} mm")
-        return SetExercise(
+        return AssignedExercise(
             title=self.title.strip(),
             text=self.text.strip(),
             mode=mode_of(found),

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from importlib.resources import files
 
-from app.classroom.exercise_file import SetExercise
+from app.classroom.exercise_file import AssignedExercise
 from app.classroom.results import Result, Standing, best, bests, results, shown_names
 from app.classroom.store import Assignment, ClassStore, now
 
@@ -85,7 +85,7 @@ def standing_svg(where: Standing) -> str:
 
 
 def _assignment_html(each: Assignment, tries: Sequence[Result]) -> str:
-    asked = SetExercise.of_json(each.exercise)
+    asked = AssignedExercise.of_json(each.exercise)
     tops = bests(tries).values()
     passed = sum(one.run.passed is True for one in tops)
     return (
@@ -114,7 +114,7 @@ def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
     for each in store.assignments():
         tries = [one for one in own if one.run.assignment_id == each.id]
         if tries:
-            asked = SetExercise.of_json(each.exercise)
+            asked = AssignedExercise.of_json(each.exercise)
             top = best(tries)
             words = "No try was finished." if top is None else html.escape(top.run.reason)
             parts.append(

@@ -10,7 +10,7 @@ from typing import Any, Literal, cast
 
 import msgspec
 
-from app.classroom.exercise_file import SetExercise
+from app.classroom.exercise_file import AssignedExercise
 from app.classroom.progress import cause_of
 from app.classroom.store import ClassStore, Person, RunRecord
 from app.simulation import ERROR_CLASSES, Incident, renamed_metrics
@@ -109,7 +109,7 @@ def results(store: ClassStore, person_id: str | None = None) -> list[Result]:
     """Return the runs of a class, or of one person, oldest first."""
     names = shown_names(store.people())
     limits = {
-        each.id: SetExercise.of_json(each.exercise).exercise.limit_of.get("peak_stress_ratio")
+        each.id: AssignedExercise.of_json(each.exercise).exercise.limit_of.get("peak_stress_ratio")
         for each in store.assignments()
     }
     tries = Counter[tuple[str, object]]()

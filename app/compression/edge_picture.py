@@ -42,8 +42,8 @@ def edge_picture(
     low, high = float(image.min()), float(image.max())
     level = cv2.convertScaleAbs(image.astype(np.float32) - low, alpha=255.0 / max(high - low, 1.0))
     # Enlarged, a pixel stays one that can be seen; made smaller, it is a mean.
-    way = cv2.INTER_NEAREST if scale > 1.0 else cv2.INTER_AREA
-    grey: Any = cv2.resize(level, size, interpolation=way)
+    kind = cv2.INTER_NEAREST if scale > 1.0 else cv2.INTER_AREA
+    grey: Any = cv2.resize(level, size, interpolation=kind)
     picture: NDArray[np.uint8] = np.repeat(grey[:, :, None], 3, axis=2)
     factor = np.array([size[0] / columns, size[1] / rows])
     if region is not None:

@@ -11,7 +11,7 @@ from app.export.bed_recorder import BedRecorder
 from app.export.motion import MOST_FRAMES, Motion
 from app.export.organ_export import ExportResult, OrganExport
 from app.export.snapshot import Snapshot, bed_snapshots
-from app.simulation import SETTLED_SECONDS, BeddedSurface, BedPreset, Phase, Reading
+from app.simulation import SETTLED_SECONDS, BedPreset, Phase, Reading, SurfaceMapping
 from organ_geometry.mesh import TornPiece
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, Hand, History, pull, step_places
@@ -56,7 +56,7 @@ class BedExport(OrganExport):
         assert bed is not None  # noqa: S101 (a specimen in a bed)
         hand = Hand(at=self.hook, path=self.path, steps=self.steps)
         displaced = np.vstack([np.zeros(3), step_places(hand.path, hand.steps, "a hand's path")])
-        surface = BeddedSurface(dissection, rest, bed.strands_under(rest))
+        surface = SurfaceMapping(dissection, rest, bed.strands_under(rest))
         recorder = BedRecorder(dissection, surface)
         node = int(np.argmin(np.abs(rest.stations - self.hook)))
         axis = dissection.in_frame(dissection.axis_point(self.hook))

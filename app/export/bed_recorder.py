@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from app.export.motion import RUN_STEP, WHOLE, Motion, MotionKey, recoil_times
 from app.export.strands import BedTrack, stubs
-from app.simulation import BeddedSurface, Dissection, Phase, Reading, tear_front, tear_swing
+from app.simulation import Dissection, Phase, Reading, SurfaceMapping, tear_front, tear_swing
 from physics import RuptureCheck
 from physics.bed import BeamOnBed
 
@@ -31,7 +31,7 @@ class BedRecorder:
     def __init__(
         self,
         dissection: Dissection,
-        surface: BeddedSurface,
+        surface: SurfaceMapping,
         *,
         divided: bool = False,
         strands: NDArray[np.int64] | None = None,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import BeddedSurface
+from app.simulation import SurfaceMapping
 from organ_geometry import DrivingPoints
 
 __all__ = ["BedTrack", "StrandsSnapshot", "stubs"]
@@ -63,7 +63,7 @@ def stubs(feet: Floats, ends: Floats) -> tuple[Floats, Floats]:
 class BedTrack:
     """What becomes of a bed in a motion of T keys: S strands, and the stresses they cause."""
 
-    surface: BeddedSurface
+    surface: SurfaceMapping
     strand_stations: Floats  # (S,) along the organ's axis, mm
     feet: Floats  # (S, 2, 3) as of a `StrandsSnapshot`, at rest
     ends: Floats  # (S, 2, 3) at rest

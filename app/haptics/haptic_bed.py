@@ -5,16 +5,16 @@ period is one real-time tick of `physics.bed.BeamOnBed`. What the duct has store
 at the beginning of the last tick; the hands' work since then is added to it, so that energy that
 the tick itself has made shows a period later.
 
-Energy of a tick. It leads the coupling's end from z_0 to z_1 while the node stands at x_0, books
+Energy of a tick. It leads the coupling's end from z_0 to z_1 while the node stands at x_0, counts
 K (z_1 - x_0) as the force at its end, and takes one Newton step to x_1. The hand feels
-K (z_1 - x_1). So the beam's books have more work than the hands by the sum of
+K (z_1 - x_1). So the beam counts more work than the hands give by the sum of
 K (x_1 - x_0) . (z_1 - z_0)/2, and what relaxes in the step is in their `snap` and `lag`. The
 difference is `released`:
 
-    W = stored + spent + released,  released = snap + lag - (W_booked - W) - W of the last tick
+    W = stored + spent + released,  released = snap + lag - (W_counted - W) - W of the last tick
 
 to what the trapezoidal rule leaves `open`. Another hand that no device has, the trainer page's,
-may hold the duct or part strands meanwhile: `Touch` says how, some thirty times a second.
+may hold the duct or part strands meanwhile: `HandContact` says how, some thirty times a second.
 """
 
 import copy
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.haptics.haptic_beam import STRESS_STEPS, tear
-from app.simulation import TICK_SECONDS, Touch
+from app.simulation import TICK_SECONDS, HandContact
 from kernel_cache import njit
 from physics import DEEPEST
 from physics.bed import BeamOnBed
@@ -53,7 +53,7 @@ def _worst_stress(section: NDArray[np.float64], wall: NDArray[np.float64]) -> fl
 
 
 @njit(cache=True, nogil=True)
-def _feel(
+def _render(
     nodes: NDArray[np.int64],
     x: Array,
     react: Array,
@@ -67,9 +67,9 @@ def _feel(
     hooks: Array,
     tips: Array,
 ) -> tuple[float, float]:
-    """Fill forces and places of the hooks; return the hands' work, and as the beam books it."""
+    """Fill forces and places of the hooks; return the hands' work, and as the beam counts it."""
     # `nodes` are those that the hooks hold, below zero for none.
-    work = booked = 0.0
+    work = counted = 0.0
     for hook in range(nodes.shape[0]):
         node = nodes[hook]
         if node < 0:
@@ -81,14 +81,14 @@ def _feel(
             half_step = 0.5 * (hands[hook, j] - hands_before[hook, j])
             hands_before[hook, j] = hands[hook, j]
             reaction = react[node, j] + load[node, j]
-            booked += half_step * (reacts[hook, j] + reaction)
+            counted += half_step * (reacts[hook, j] + reaction)
             reacts[hook, j] = reaction
             tips[hook, j] = x[node, j]
             hooks[hook, j] = x[node, j] - taken[hook, j]
             force = coupling * (hands[hook, j] - hooks[hook, j])
             work += half_step * (forces[hook, j] + force)
             forces[hook, j] = force
-    return work, booked
+    return work, counted
 
 
 class HapticBed:
@@ -111,7 +111,7 @@ class HapticBed:
         coupling: float,
         period: float,
         tips: NDArray[np.float64] | None = None,
-        touch: Touch | None = None,
+        touch: HandContact | None = None,
         tube: str | None = None,
         strengths: Mapping[str, float] | None = None,
         tear_mm_per_s: float | None = None,
@@ -131,7 +131,7 @@ class HapticBed:
         self.hooks, self.tips = np.zeros((hooks, 3)), np.zeros((hooks, 3))
         self._taken = np.zeros((hooks, 3))  # where the hooks took the duct, mm
         self._hands = np.zeros((hooks, 3))
-        self._reacts = np.zeros((hooks, 3))  # the couplings' forces as the beam has booked them
+        self._reacts = np.zeros((hooks, 3))  # the couplings' forces as the beam has counted them
         self.rest()
         self.step(np.full((hooks, 3), 0.1), np.ones(hooks, np.bool_))  # compiled before it is felt
         self.assemble_ahead()
@@ -153,13 +153,13 @@ class HapticBed:
         energies = self.beam.energy
         self._spent_at_first = energies.stored + energies.dissipated + energies.drag
         self._snap_at_first = energies.snap + energies.lag
-        self._booked = self._booked_at_first = energies.work  # by the couplings, and before
+        self._counted = self._counted_at_first = energies.work  # by the couplings, and before
         self._work = 0.0  # work of the hands by the forces that they feel, mJ
         self.stored = self.spent = self.released = 0.0
         self._let_go = 0.0  # energy lost by letting go, mJ
         self.torn, self._steps = False, 0
 
-    def touch(self, touch: Touch) -> None:
+    def touch(self, touch: HandContact) -> None:
         """Let the hand that no device has go on with what it does, over a tick of the trainer."""
         before, beam = self._touch, self.beam
         if self.torn:
@@ -204,22 +204,22 @@ class HapticBed:
         except NoEquilibrium:
             broken = True
         state = beam.state
-        work, booked = _feel(
+        work, counted = _render(
             self._held_nodes, state.x, state.react, state.load, self.coupling, hands, self._hands,
             self._taken, self._reacts, self.forces, self.hooks, self.tips,
         )  # fmt: skip
-        self._booked += booked
+        self._counted += counted
         self.elastic_forces[:] = self.forces
         energies = beam.energy
         self.stored = energies.stored + work
         self._work += work
-        # Not `books.snap` nor `lag`: a tick moves the coupling's end before the beam follows, and
-        # books the spring's energy that this frees. The hand holds its force meanwhile and has not
+        # Not `snap` nor `lag`: a tick moves the coupling's end before the beam follows, and
+        # counts the spring's energy that this frees. The hand holds its force meanwhile and has not
         # given it. What the other hand has put in is no work of these.
-        others = 0.0 if self._touch is None else energies.work - self._booked
+        others = 0.0 if self._touch is None else energies.work - self._counted
         spent = energies.dissipated + energies.drag + self._let_go
         self.spent = spent - others - self._spent_at_first
-        staggered = self._booked - self._booked_at_first - self._work
+        staggered = self._counted - self._counted_at_first - self._work
         self.released = (
             energies.snap + energies.lag - self._snap_at_first - self._let_go - staggered - work
         )

@@ -114,8 +114,8 @@ def regulate(
 class Regulator:
     """The regulator of one or more hands on one model.
 
-    `given` are the (H, 3) forces for the devices, N, every `period`, s, and `books` the (8,)
-    energies, N mm; `state` is what `regulate` works on.
+    `given` are the (H, 3) forces for the devices, N, every `period`, s, and `energies` the
+    (8,) of `WORK` and the next, N mm; `state` is what `regulate` works on.
     """
 
     def __init__(self, hands: int, period: float, limits: DeviceLimits) -> None:

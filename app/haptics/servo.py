@@ -26,7 +26,7 @@ __all__ = ["ORDINARY", "Servo", "real_time"]
 
 SPIN_SECONDS = 1.5e-4
 """How long before a period it stops sleeping, s: a sleep ends late by up to as much."""
-# Time left to a period, s, in which a step can be rehearsed.
+# Time left to a period, s, in which a step can be taken to warm the caches.
 REHEARSAL_SECONDS = 5e-5
 # Periods from one to the next that count as missed.
 MISSED = 1.5
@@ -69,7 +69,7 @@ class Servo:
         self.devices, self.loop = devices, loop
         for device in devices:
             if isinstance(device, WaitingDevice):
-                device.meanwhile = loop.rehearse
+                device.meanwhile = loop.warm_caches
         self.recorder = Recorder(len(devices)) if keeps else None
         self._states = [DeviceState() for _ in devices]
         self._received, self._alive = [0.0] * len(devices), [0.0] * len(devices)
@@ -87,7 +87,7 @@ class Servo:
         self._energies: Energies | None = None
         self._theories: list[str] = []
         loop.leaving = self._leave
-        self._troubles: Counter[str] = Counter()
+        self._device_errors: Counter[str] = Counter()
 
     def run(
         self,
@@ -129,7 +129,7 @@ class Servo:
             while (wait := due - clock()) > SPIN_SECONDS:
                 time.sleep(wait - SPIN_SECONDS)
             if wait > REHEARSAL_SECONDS:
-                loop.rehearse()
+                loop.warm_caches()
             while (now := clock()) < due:
                 pass
             if self._periods:
@@ -182,7 +182,7 @@ class Servo:
             return bits | FRESH | LIVE
         self._stale += 1
         trouble = NOWHERE if nowhere else device.trouble() or "no state"
-        self._troubles[trouble] += 1
+        self._device_errors[trouble] += 1
         silent = got - self._alive[hand]
         if silent > SILENT_SECONDS:
             raise DeviceError(f"no state of {device.name} for {SILENT_SECONDS:g} s: {trouble}")
@@ -264,7 +264,7 @@ class Servo:
             torn=self._torn or model.torn,
             ended_by=ended,
             device_failed=self._failed,
-            troubles=dict(self._troubles),
+            device_errors=dict(self._device_errors),
             forces_sha256="" if self.recorder is None else self.recorder.forces_sha256,
         )
 

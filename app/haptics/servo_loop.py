@@ -45,13 +45,14 @@ STRIDE, MOST_STRIDES = 0.05, 64
 FIRST_STRIDE, FIRST_STRIDES = 0.0125, 2000
 
 
-# Rows of a loop's `motion`, each (K, 3): where devices are and where their ways began, m; targets
-# of the hooks, mm: where those ways began, now, a period ago, and on the way between; then of the
-# model's last step: how far the hands drew, mm, forces at its beginning and a step before, N, and
+# Rows of a loop's `motion`, each (K, 3): where devices are and where their paths began, m; targets
+# of the hooks, mm: where those paths began, now, a period ago, and between the two; then of the
+# model's last step: how far the hands moved, mm, forces at its beginning and a step before, N, and
 # where the hooks were, mm.
-PLACE, ORIGIN, LED_FROM, LED, LED_BEFORE, LED_NOW, DRAWN, PULLED, PULLED_BEFORE, HOOKED, ROWS = (
-    range(11)
-)
+(
+    PLACE, ORIGIN, TARGET_START, TARGET, TARGET_BEFORE, TARGET_BETWEEN, MOVED, FORCE, FORCE_BEFORE,
+    HOOK_PLACE, ROWS,
+) = range(11)  # fmt: skip
 ALONG = 0.5
 """Cosine between two steps of the hands up to which the second goes on from the first."""
 
@@ -71,7 +72,7 @@ def _lead(
     """Move the hooks with their hands: the clutch, taking and releasing the duct."""
     # Returned are in how many steps the model goes there, the first of which is filled in, and
     # whether there may be a force.
-    places, origins, led = motion[PLACE], motion[ORIGIN], motion[LED]
+    places, origins, led = motion[PLACE], motion[ORIGIN], motion[TARGET]
     live = True
     for hand in range(units.shape[0]):
         now = bits[hand]
@@ -83,22 +84,22 @@ def _lead(
             # The hook stays where it is, without a force; from where the device is now it goes on.
             for j in range(3):
                 origins[hand, j] = places[hand, j]
-                motion[LED_FROM, hand, j] = led[hand, j]
+                motion[TARGET_START, hand, j] = led[hand, j]
         taken = now & TAKE != 0
         if taken and not held[hand]:
             for j in range(3):
                 origins[hand, j] = places[hand, j]
-                motion[LED_FROM, hand, j] = motion[LED_BEFORE, hand, j] = 0.0
+                motion[TARGET_START, hand, j] = motion[TARGET_BEFORE, hand, j] = 0.0
         held[hand] = taken
         before[hand] = now
         for j in range(3):
             displacement = places[hand, j] - origins[hand, j]
-            led[hand, j] = motion[LED_FROM, hand, j] + to_mm * displacement
+            led[hand, j] = motion[TARGET_START, hand, j] + to_mm * displacement
     longest = 0.0
     for h in range(led.shape[0]):
         if held[h] or not free:  # a hook that is free goes as fast as it likes
             for j in range(3):
-                longest = max(longest, abs(led[h, j] - motion[LED_BEFORE, h, j]))
+                longest = max(longest, abs(led[h, j] - motion[TARGET_BEFORE, h, j]))
     strides = min(max(math.ceil(longest / longest_stride), 1), most_strides)
     _stride(motion, 1.0 / strides)
     return strides, live
@@ -109,8 +110,9 @@ def _stride(motion: Array, fraction: float) -> None:
     """Fill an interpolated place, at the end the target itself to the bit."""
     for h in range(motion.shape[1]):
         for j in range(3):
-            before, led = motion[LED_BEFORE, h, j], motion[LED, h, j]
-            motion[LED_NOW, h, j] = led if fraction == 1.0 else before + fraction * (led - before)
+            before, led = motion[TARGET_BEFORE, h, j], motion[TARGET, h, j]
+            now = led if fraction == 1.0 else before + fraction * (led - before)
+            motion[TARGET_BETWEEN, h, j] = now
 
 
 @njit(cache=True, nogil=True)
@@ -134,41 +136,45 @@ def _book(
     ahead = behind = along = 0.0
     for h in range(motion.shape[1]):
         for j in range(3):
-            was = motion[LED_BEFORE, h, j]
-            now = was + stride / strides * (motion[LED, h, j] - was)
-            was += (stride - 1) / strides * (motion[LED, h, j] - was)
+            was = motion[TARGET_BEFORE, h, j]
+            now = was + stride / strides * (motion[TARGET, h, j] - was)
+            was += (stride - 1) / strides * (motion[TARGET, h, j] - was)
             if not pushes:  # aside, and below where the duct is by itself, there is no force
-                was = max(was, motion[HOOKED, h, j]) if j == UP else 0.0
+                was = max(was, motion[HOOK_PLACE, h, j]) if j == UP else 0.0
                 now = max(now, hooks[h, j]) if j == UP else 0.0
-            displacement, before = now - was if held[h] else 0.0, motion[DRAWN, h, j]
+            displacement, before = now - was if held[h] else 0.0, motion[MOVED, h, j]
             ahead += displacement * displacement
             behind += before * before
             along += displacement * before
-            motion[LED_NOW, h, j] = displacement
-    if ahead == 0.0 and not pushes and np.array_equal(motion[PULLED], forces):
+            motion[TARGET_BETWEEN, h, j] = displacement
+    if ahead == 0.0 and not pushes and np.array_equal(motion[FORCE], forces):
         return  # nobody draws: the next step goes on from the one before
     ahead, behind = math.sqrt(ahead), math.sqrt(behind)
     goes_on = not pushes and along > ALONG * ahead * behind
     for h in range(motion.shape[1]):  # a hook that comes or goes changes all forces
-        first, last = motion[PULLED, h, UP], elastic[h, UP]
-        goes_on &= (first > 0.0) == (last > 0.0) == (motion[PULLED_BEFORE, h, UP] > 0.0)
+        first, last = motion[FORCE, h, UP], elastic[h, UP]
+        goes_on &= (first > 0.0) == (last > 0.0) == (motion[FORCE_BEFORE, h, UP] > 0.0)
     bent = 0.0
     if goes_on:
         back = along / ahead
         bent = ahead * ahead / (6.0 * back * (ahead + back))
     for h in range(motion.shape[1]):
         for j in range(3):
-            first, last, displacement = motion[PULLED, h, j], elastic[h, j], motion[LED_NOW, h, j]
+            first, last, displacement = (
+                motion[FORCE, h, j],
+                elastic[h, j],
+                motion[TARGET_BETWEEN, h, j],
+            )
             work = 0.5 * (first + last) * displacement
             if goes_on:
-                before = displacement * (first - motion[PULLED_BEFORE, h, j])
-                work -= bent * (motion[DRAWN, h, j] * (last - first) - before)
+                before = displacement * (first - motion[FORCE_BEFORE, h, j])
+                work -= bent * (motion[MOVED, h, j] * (last - first) - before)
             works[0 if h < hands else 1] += work
             # What tore is another course of the force, on which nothing goes on.
-            motion[DRAWN, h, j] = displacement if forces[h, j] == elastic[h, j] else 0.0
-            motion[PULLED_BEFORE, h, j] = first
-            motion[PULLED, h, j] = forces[h, j]
-            motion[HOOKED, h, j] = hooks[h, j]
+            motion[MOVED, h, j] = displacement if forces[h, j] == elastic[h, j] else 0.0
+            motion[FORCE_BEFORE, h, j] = first
+            motion[FORCE, h, j] = forces[h, j]
+            motion[HOOK_PLACE, h, j] = hooks[h, j]
 
 
 @njit(cache=True, nogil=True)
@@ -192,7 +198,7 @@ def _settle(
 ) -> None:
     """Book the model's last step and find the forces of the next period."""
     _book(motion, forces, elastic, hooks, held, strides, strides, hands, pushes, works)
-    motion[LED_BEFORE] = motion[LED]
+    motion[TARGET_BEFORE] = motion[TARGET]
     regulate(
         motion[PLACE], forces, works[0] / scale, (energy - works[1]) / scale, live,
         memory, given, energies, figures,
@@ -219,7 +225,7 @@ class ServoLoop:
     """Hands on a model, with a `regulator` that bounds their forces by the devices' least limits.
 
     Hooks of the model beyond the devices' are where `assist` says. `given` are the (H, 3) forces
-    for the devices, N, `hooks_led` the (K, 3) targets of the hooks, mm from rest, `holds` which
+    for the devices, N, `hook_targets` the (K, 3) targets of the hooks, mm from rest, `holds` which
     hands have the duct without a button.
     """
 
@@ -242,7 +248,7 @@ class ServoLoop:
     def feel(self, model: HapticModel, twin: HapticModel | None = None) -> None:
         """Restart on a model at rest; the next places of the hands become their hooks' rest.
 
-        A `twin` of the model is for `rehearse`.
+        A `twin` of the model is for `warm_caches`.
         """
         self.leaving()
         hands, hooks, limits = self.hands, len(model.forces), self.limits
@@ -250,7 +256,7 @@ class ServoLoop:
         self.regulator = Regulator(hands, self.settings.period, limits)
         self.given = self.regulator.given
         self._motion = np.zeros((ROWS, hooks, 3))
-        self.hooks_led, self._led_now = self._motion[LED], self._motion[LED_NOW]
+        self.hook_targets, self._led_now = self._motion[TARGET], self._motion[TARGET_BETWEEN]
         self._works = np.zeros(2)
         self._held = np.zeros(hooks, np.bool_)
         self._bits, self._bits_before = np.zeros((2, hands), np.int64)
@@ -263,7 +269,7 @@ class ServoLoop:
             self._twin = ServoLoop(twin, self.settings, limits, hands)
             self._twin.holds = self.holds
 
-    def rehearse(self) -> None:
+    def warm_caches(self) -> None:
         """Take the last step again with the twin, for nothing but a processor that has it at hand.
 
         Other processes run between two periods, and what a step needs is no longer in the caches:
@@ -288,7 +294,7 @@ class ServoLoop:
         """Set the target of a hook without a device: mm along the pull; 0 lets go."""
         if self._twin is not None:
             self._twin.assist(hook, height)
-        self.hooks_led[hook, 2] = height
+        self.hook_targets[hook, 2] = height
         self._held[hook] = height > 0.0
 
     def step(self, units: NDArray[np.int64], inputs: Sequence[int]) -> None:

@@ -25,7 +25,7 @@ from app.haptics.haptic_run import least_limits, opened_devices
 from app.haptics.servo import Servo, real_time
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.haptics.servo_report import ServoReport
-from app.simulation import Touch
+from app.simulation import HandContact
 from physics import Beam, Theory
 from physics.bed import BeamOnBed
 
@@ -79,7 +79,7 @@ class BedSetting:
     beam: BeamOnBed
     tips: NDArray[np.float64]  # (H, 3) of the hooks, mm from the first clamp
     threshold: float
-    touch: Touch | None  # what the hand without a device does to the beam
+    touch: HandContact | None  # what the hand without a device does to the beam
     hold: bool = False
     tear_mm_per_s: float | None = None  # how fast a tear crosses the wall; at once when None
 
@@ -131,7 +131,7 @@ class ServoLink:
         self._send((self._generation, setting))
         return self._generation
 
-    def lead(self, touch: Touch | None, holds: Sequence[bool]) -> None:
+    def lead(self, touch: HandContact | None, holds: Sequence[bool]) -> None:
         """Say what the hand without a device does, and which hooks hold without a button."""
         self._send((self._generation, touch, tuple(holds)))
 

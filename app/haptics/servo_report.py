@@ -109,7 +109,7 @@ class ServoReport(Struct, frozen=True):
     torn: bool  # whether any did
     ended_by: str
     device_failed: bool  # whether that was the device's doing
-    troubles: dict[str, int]  # the device's errors, with counts
+    device_errors: dict[str, int]  # the device's errors, with counts
     forces_sha256: str  # of all forces given
 
     def lines(self) -> list[tuple[str, str]]:
@@ -145,8 +145,8 @@ class ServoReport(Struct, frozen=True):
              f"released {energy.released:.6g} mJ"),
             ("sampling", f"{energy.sampling:.6g} mJ; controller {energy.controller:.6g}, "
              f"limits {energy.limits:.6g} mJ"),
-            ("books", f"close to {energy.residual_of_peak:.1e} of the peak; the hands got at most "
-             f"{0.0 - energy.least_margin:.6g} mJ more than they had given"),
+            ("energy balance", f"closes to {energy.residual_of_peak:.1e} of the peak; the hands "
+             f"got at most {0.0 - energy.least_margin:.6g} mJ more than they had given"),
         ]  # fmt: skip
         check = self.force_check
         if check is not None:
@@ -156,5 +156,8 @@ class ServoReport(Struct, frozen=True):
         lines.append(("duct", "torn" if self.torn else "whole"))
         if self.ducts > 1:
             lines[-1] = "ducts", f"{self.ducts}, {'with' if self.torn else 'without'} a tear"
-        lines += [("trouble", f"{what} ({count} times)") for what, count in self.troubles.items()]
+        lines += [
+            ("device error", f"{what} ({count} times)")
+            for what, count in self.device_errors.items()
+        ]
         return lines

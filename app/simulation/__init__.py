@@ -5,9 +5,9 @@ What is listed here is the package's public face; other packages import from it 
 """
 
 from app.bed_preset import BedPreset, bed_named, bed_presets
-from app.simulation.bedded_surface import BeddedSurface
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
+from app.simulation.critical_view import CriticalView, Tenting
 from app.simulation.dissection import PIECES, Dissection, default_preset, fits, organ_beam
 from app.simulation.drawn_duct import Stresses, SurfaceStress
 from app.simulation.errors import ERROR_CLASSES, MODES, Conditions, ErrorClass, Incident
@@ -68,7 +68,7 @@ from app.simulation.run_file import (
     anatomy_or_name,
     run_json,
 )
-from app.simulation.safety import CriticalView, Safety, Tenting
+from app.simulation.safety import Safety
 from app.simulation.scripted_hands import CAREFUL, MANNERS, perform
 from app.simulation.seen import Seen, Sights
 from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
@@ -82,11 +82,12 @@ from app.simulation.spatial_tissue import (
     TOWARDS_HAND,
     Event,
     EventKind,
+    HandContact,
     Rod,
     SpatialTissue,
-    Touch,
 )
 from app.simulation.specimen import Specimen
+from app.simulation.surface_mapping import SurfaceMapping
 from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.tissue import Tissue
 from app.simulation.trocar import TROCARS, Trocar
@@ -130,7 +131,6 @@ __all__ = [
     "VERTICES",
     "BeamModel",
     "BedPreset",
-    "BeddedSurface",
     "Clock",
     "Conditions",
     "CriticalView",
@@ -148,6 +148,7 @@ __all__ = [
     "GraspedBeam",
     "Grasper",
     "Hand",
+    "HandContact",
     "Incident",
     "Input",
     "Instrument",
@@ -183,12 +184,12 @@ __all__ = [
     "Stay",
     "Step",
     "Stresses",
+    "SurfaceMapping",
     "SurfaceStress",
     "SwingingChain",
     "Tenting",
     "TheoryChoice",
     "Tissue",
-    "Touch",
     "Trocar",
     "Tubes",
     "Vector",

@@ -1,81 +1,21 @@
 """Attempts: how one go at an exercise is judged, tick by tick, by its measures and errors."""
 
-from typing import Protocol
-
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.errors import ERROR_CLASSES, Incidents
+from app.simulation.errors import ERROR_CLASSES
 from app.simulation.exercise import Exercise, Outcome
 from app.simulation.metrics import METRIC_OF, metrics_of
-from app.simulation.safety import CriticalView
+from app.simulation.metrics_recorder import MetricsRecorder
 
-__all__ = ["Attempt", "Taker"]
-
-
-class Taker(Protocol):
-    """What takes a run's measures and finds its errors."""
-
-    ticks: int
-    stretches: list[tuple[float, float]]
-    """That are free now, mm from the first clamp."""
-
-    @property
-    def errors(self) -> Incidents:
-        """The errors so far."""
-        ...
-
-    @property
-    def torn(self) -> bool:
-        """Whether the duct has torn."""
-        ...
-
-    @property
-    def held(self) -> bool:
-        """Whether a hand holds the duct."""
-        ...
-
-    @property
-    def deflection_mm(self) -> float:
-        """Of the place that is held, now."""
-        ...
-
-    @property
-    def distance_to_break(self) -> float:
-        """1 less the stress over the threshold, now."""
-        ...
-
-    def holding_beside(self, low: float, high: float) -> tuple[int, float] | None:
-        """Return how many strands hold next to the longest free stretch, and where, mm."""
-        ...
-
-    @property
-    def bleeds(self) -> bool:
-        """Whether blood flows out of a tube, now."""
-        ...
-
-    def critical_view(self) -> CriticalView:
-        """Return the critical view of safety now; a `ValueError` where there is none."""
-        ...
-
-    def start(self) -> None:
-        """Start with the first input."""
-        ...
-
-    def take(self, *, moved: bool) -> None:
-        """Take one tick, in which something moved or all stood still."""
-        ...
-
-    def measures(self) -> msgspec.Struct:
-        """Return the measures so far."""
-        ...
+__all__ = ["Attempt"]
 
 
 class Attempt:
     """One go at an exercise; `outcome` is None while it goes on."""
 
-    def __init__(self, exercise: Exercise, taker: Taker) -> None:
-        self._exercise, self._taker = exercise, taker
+    def __init__(self, exercise: Exercise, recorder: MetricsRecorder) -> None:
+        self._exercise, self._recorder = exercise, recorder
         self._followed = exercise.goal.follow()
         self._ticks = 0
         # Each limit: whether it is of a number of errors.
@@ -98,8 +38,8 @@ class Attempt:
             return
         self._ticks += 1
         limit = self._exercise.time_limit_s
-        reached = self._followed.take(self._taker)
-        measures = self._taker.measures()
+        reached = self._followed.take(self._recorder)
+        measures = self._recorder.measures()
         failure = self._failure(measures, reached=reached)
         if failure is not None:
             self.outcome = Outcome(False, failure)
@@ -112,7 +52,7 @@ class Attempt:
 
     def _failure(self, measures: msgspec.Struct, *, reached: bool) -> str | None:
         """Return why this tick fails it, or None."""
-        errors = self._taker.errors
+        errors = self._recorder.errors
         for limit, of_errors in self._limits:
             if limit.at_end and not reached:
                 continue
@@ -131,7 +71,7 @@ class Attempt:
 
     def _reason(self, words: str, alone: str) -> str:
         """Put what is passed down to an error of the last second; `alone` where there is none."""
-        cause = self._taker.errors.cause()
+        cause = self._recorder.errors.cause()
         if cause is None:
             return alone
         if not words or cause.error == "over_lifted":  # which says the limit itself

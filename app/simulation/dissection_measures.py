@@ -2,33 +2,29 @@
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.critical_view import CriticalView
 from app.simulation.error_finder import ErrorFinder
 from app.simulation.errors import Incidents
 from app.simulation.exercise import Exercise
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import HANDS
-from app.simulation.safety import CriticalView, Safety
+from app.simulation.safety import Safety
 from app.simulation.sight import WORKING_DISTANCE, in_picture
+from app.simulation.spatial_tissue import LEAST_FLOW, SpatialTissue
 from physics.bed.kernels import BEAM, DISSIPATED, ROD_WORK, WORK
 
-if TYPE_CHECKING:
-    from app.simulation.spatial_tissue import SpatialTissue
-
-__all__ = ["DissectionMeasureTaker", "DissectionMeasures", "DissectionTear"]
+__all__ = ["DissectionMeasures", "DissectionRecorder", "DissectionTear"]
 
 Floats = NDArray[np.float64]
 
 BESIDE_MM = 2.0
 """mm next to a free stretch whose strands are counted."""
-LEAST_FLOW = 1e-3
-"""mm^3/s. Out of a tube that loses less, nothing flows."""
 SCOPE_NUMBERS = 12
 """Of a view through a scope, before its horizon."""
 LEAST_FORCE = 1e-3
@@ -84,7 +80,7 @@ class DissectionMeasures(
     horizon_deg: float | None = None  # mean of its turn, without sign
 
 
-class DissectionMeasureTaker:
+class DissectionRecorder:
     """Takes the measures of a duct in its bed, tick by tick, and finds errors.
 
     `exercise` is what the run is judged by, if it is.
@@ -92,14 +88,11 @@ class DissectionMeasureTaker:
 
     def __init__(
         self,
-        duct: "SpatialTissue",
+        duct: SpatialTissue,
         exercise: Exercise | None = None,
-        *,
-        broken_by_touch: bool = True,
     ) -> None:
-        # `broken_by_touch` is that of the run's start.
         self.exercise = exercise
-        self.duct, self.broken_by_touch = duct, broken_by_touch
+        self.duct, self.broken_by_touch = duct, duct.broken_by_touch
         self._started = False
         self.ticks = 0
         self.peak = self.peak_station = 0.0

@@ -7,7 +7,6 @@ taken over several ticks, from end to end: over one a hand's tremor is most of t
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +20,8 @@ from app.simulation.errors.pace import PULL_TICKS, Pace
 from app.simulation.hand import Hand
 from app.simulation.run_file import HANDS
 from app.simulation.safety import Safety
+from app.simulation.spatial_tissue import LEAST_FLOW, Event, SpatialTissue
 from kernel_cache import SameTypes, njit
-
-if TYPE_CHECKING:
-    from app.simulation.spatial_tissue import Event, SpatialTissue
 
 __all__ = ["ErrorFinder"]
 
@@ -38,7 +35,7 @@ MEAN_PULL = 0.1
 """Part by which the mean pull nears that of a tick: a mean over 0.3 s."""
 TURN_MM = 2.0
 """mm by which a tip that goes back turns, and within which two holds are at one place."""
-LEAST_FLOW, SERIOUS_ML = 1e-3, 2.0
+SERIOUS_ML = 2.0
 """mm^3/s below which nothing flows; ml of blood beyond which a bleeding is an injury, a choice."""
 VIEW_TICKS = 10
 """Ticks from one look at the critical view to the next."""
@@ -104,7 +101,7 @@ class ErrorFinder:
 
     def __init__(
         self,
-        duct: "SpatialTissue",
+        duct: SpatialTissue,
         limits: Mapping[str, float],
         about: Sequence[str] | None = None,
     ) -> None:
@@ -491,7 +488,7 @@ class ErrorFinder:
             incidents.note("one_go", i, at, -now, d=-now)
 
 
-def _safety_of(tissue: "SpatialTissue") -> Safety | None:
+def _safety_of(tissue: SpatialTissue) -> Safety | None:
     """Return what judges an anatomy with a gallbladder; None of another."""
     try:
         return Safety(tissue)

@@ -1,16 +1,14 @@
 """Goals of exercises, as data, and how far an attempt has come with one."""
 
 import math
-from typing import TYPE_CHECKING, ClassVar, Literal, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.grasped_beam import GraspedBeam
 from app.simulation.metrics import Metrics
-
-if TYPE_CHECKING:
-    from app.simulation.attempt import Taker
+from app.simulation.metrics_recorder import MetricsRecorder
 
 __all__ = ["BreakApart", "CriticalView", "Followed", "FreeLength", "Goal", "Stay", "StopBleeding"]
 
@@ -28,7 +26,7 @@ class Followed(Protocol):
     standing: str  # what to do now, in a few words
     so_far: str  # what there is of the goal, as it follows 'with'
 
-    def take(self, taker: "Taker") -> bool:
+    def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick whose measures are taken; return whether the goal is reached."""
         ...
 
@@ -125,21 +123,21 @@ class _Staying:
         self._back = False  # whether it was there long enough and is to be led back
         self._show()
 
-    def take(self, taker: "Taker") -> bool:
+    def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""
         goal = self._goal
-        value: float = getattr(taker, goal.quantity)
+        value: float = getattr(recorder, goal.quantity)
         if self._done == goal.repeats:
             return True
-        if not taker.held:
+        if not recorder.held:
             self._back = False  # it was released and sprang back, which is not led back
         if self._back:
-            if taker.deflection_mm <= (goal.return_below or 0.0):
+            if recorder.deflection_mm <= (goal.return_below or 0.0):
                 self._next()
         else:
             approach = (value - self._rest) / (self._edge - self._rest) if self._edge else 1.0
             self._near = max(self._near, min(approach, 1.0))
-            there = taker.held and goal.low <= value <= goal.high
+            there = recorder.held and goal.low <= value <= goal.high
             self._ticks = min(self._ticks + 1, self._wanted) if there else 0
             self._longest = max(self._longest, self._ticks)
             if self._ticks == self._wanted:
@@ -239,17 +237,17 @@ class _Freeing:
         self._holding: tuple[int, float] | None = None
         self._show(0.0, 0.0)
 
-    def take(self, taker: "Taker") -> bool:
+    def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""
-        stretches = taker.stretches
+        stretches = recorder.stretches
         total = sum(b - a for a, b in stretches)
         freed = self._goal.freed(stretches)
         if self._before < 0.0:
             self._before = total - freed  # a divided duct's end is free at the start
-        if taker.stretches is not self._seen:
-            self._seen = taker.stretches
+        if recorder.stretches is not self._seen:
+            self._seen = recorder.stretches
             goal = self._goal
-            self._holding = taker.holding_beside(goal.from_mm, goal.to_mm)
+            self._holding = recorder.holding_beside(goal.from_mm, goal.to_mm)
         self._show(freed, total - freed - self._before)
         # Bins are whole, so lengths differ from the goal by rounding only.
         return freed >= self._goal.length_mm - 1e-6
@@ -292,10 +290,11 @@ class _Breaking:
     def __init__(self) -> None:
         self.progress, self.standing, self.so_far = 0.0, "", "the duct whole"
 
-    def take(self, taker: "Taker") -> bool:
+    def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""
-        self.progress = 1.0 if taker.torn else min(max(1.0 - taker.distance_to_break, 0.0), 1.0)
-        return taker.torn
+        distance = 0.0 if recorder.torn else recorder.distance_to_break
+        self.progress = min(max(1.0 - distance, 0.0), 1.0)
+        return recorder.torn
 
 
 class CriticalView(
@@ -339,10 +338,10 @@ class _Viewing:
         self._goal, self._ticks, self._points = goal, 0, 0
         self._show("")
 
-    def take(self, taker: "Taker") -> bool:
+    def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""
         if self._ticks % VIEW_TICKS == 0:
-            view = taker.critical_view()
+            view = recorder.critical_view()
             self._points = view.total
             least = min(view.structures.values(), default=1.0)
             self._show(
@@ -401,11 +400,11 @@ class _Stopping:
         self._bled = False
         self.progress, self.standing, self.so_far = 0.0, "it bleeds", "the bleeding going on"
 
-    def take(self, taker: "Taker") -> bool:
+    def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""
         # The tube tears with the first touch, and bleeds from the tick after it.
-        self._bled |= taker.bleeds
-        self._ticks = 0 if taker.bleeds or not self._bled else self._ticks + 1
+        self._bled |= recorder.bleeds
+        self._ticks = 0 if recorder.bleeds or not self._bled else self._ticks + 1
         self.progress = min(self._ticks / self._wanted, 1.0)
         left = (self._wanted - self._ticks) * TICK_SECONDS
         self.standing = f"stopped, {left:.1f} s to go" if self._ticks else "it bleeds"

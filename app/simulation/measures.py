@@ -5,13 +5,17 @@ import math
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.critical_view import CriticalView
 from app.simulation.errors import Incidents
 from app.simulation.errors.pace import PullErrorFinder
-from app.simulation.safety import CriticalView
+from app.simulation.exercise import Exercise
+from app.simulation.planar_tissue import PlanarTissue
 from physics import BreakEvent
 
-__all__ = ["MeasureTaker", "Measures", "TearMeasures"]
+__all__ = ["Measures", "PullMetrics", "PullRecorder", "TearMeasures"]
 
+# Force above which a run's time is counted, over the force at break at mid-span.
+TASK_THRESHOLD = 0.5
 Place = tuple[float, float, float]
 
 RATE_TICKS = 3
@@ -65,7 +69,7 @@ class Measures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     overshoot: float | None = None
 
 
-class MeasureTaker:
+class PullMetrics:
     """Takes the measures tick by tick, with the same few operations at each tick.
 
     `task_threshold` is the force, N, above which time is counted. `band` is the goal's deflections,
@@ -250,3 +254,35 @@ class MeasureTaker:
             return None
         found = -math.log(self._moving**3 * self._jerk / self._peak**2)
         return min(found, SMOOTHEST) if found <= SMOOTHEST + TICKS_SMOOTH_AWAY else None
+
+
+class PullRecorder(PullMetrics):
+    """Records the metrics of a pull in the plane, of an exercise or without one."""
+
+    def __init__(self, tissue: PlanarTissue, exercise: Exercise | None) -> None:
+        task_threshold, band = TASK_THRESHOLD * tissue.model.break_force, None
+        if exercise is not None:
+            task_threshold = exercise.limit_of.get("maximum_force_N", task_threshold)
+            band = exercise.goal.band
+        super().__init__(task_threshold, band)
+        self._tissue = tissue
+
+    def start(self) -> None:
+        """Start with the first input: there is nothing to remember."""
+
+    def take(self, *, moved: bool) -> None:
+        """Take one tick."""
+        tissue = self._tissue
+        grasper, beam, tear = tissue.grasper, tissue.grasped, tissue.tear
+        if tissue.regrasped:
+            self.regrasp()
+        self.add(
+            grasper.grip_force if tear is None else tear.event.force,
+            beam.hook(),
+            beam.check.distance_to_break,
+            held=grasper.holds,
+            deflection=beam.pulled.deflection,
+            came_from=tissue.came_from,
+        )
+        if tear is not None and not self.torn:
+            self.tear(tear.event)

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from app.bounded_file import decoded, read_bounded
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.critical_view import CriticalView, Tenting
 from app.simulation.inputs import Instrument
-from app.simulation.safety import CriticalView, Safety, Tenting
+from app.simulation.safety import Safety
 from app.simulation.session import Session
 from app.simulation.spatial_tissue import Event
 

@@ -9,7 +9,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.attempt import Taker
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.dissection import Dissection
 from app.simulation.drawn_duct import DrawnDuct
@@ -18,7 +17,6 @@ from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import Grasper, Load
 from app.simulation.hand import Hand
 from app.simulation.inputs import Applied, InputKind, Instrument, TheoryChoice
-from app.simulation.measures import MeasureTaker
 from app.simulation.reading import Reading, Vector
 from app.simulation.run_file import RunStart
 from app.simulation.specimen import Specimen
@@ -30,8 +28,6 @@ __all__ = ["PlanarTissue"]
 
 # There is one hand, at one tube.
 HAND = TUBE = 0
-# Force above which a run's time is counted, over the force at break at mid-span.
-TASK_THRESHOLD = 0.5
 # Part of the span next to each clamp that the clamp's jaws keep from the grasper.
 GRASP_MARGIN = 0.1
 # Smallest and largest threshold, in thresholds of the preset.
@@ -435,14 +431,6 @@ class PlanarTissue:
             grasp_mm=grasp,
         )
 
-    def taker(self, exercise: Exercise | None) -> Taker:
-        """Return what takes the measures of a run, and finds its errors."""
-        task_threshold = TASK_THRESHOLD * self.model.break_force
-        if exercise is None:
-            return PullTaker(self, task_threshold)
-        task_threshold = exercise.limit_of.get("maximum_force_N", task_threshold)
-        return PullTaker(self, task_threshold, exercise.goal.band)
-
     @property
     def _settings_changed(self) -> bool:
         return self.grasp != self.grasped.grasp or self.threshold != self.grasped.threshold
@@ -480,36 +468,6 @@ class PlanarTissue:
         self.deepest = deepest
         self._respond()
         self.tear = Tear(BreakEvent(grasper.force, beam.pulled.deflection, beam.check))
-
-
-class PullTaker(MeasureTaker):
-    """Takes the measures of a planar tissue."""
-
-    def __init__(
-        self, tissue: PlanarTissue, threshold: float, band: tuple[float, float] | None = None
-    ) -> None:
-        super().__init__(threshold, band)
-        self._tissue = tissue
-
-    def start(self) -> None:
-        """Start with the first input: there is nothing to remember."""
-
-    def take(self, *, moved: bool) -> None:
-        """Take one tick."""
-        tissue = self._tissue
-        grasper, beam, tear = tissue.grasper, tissue.grasped, tissue.tear
-        if tissue.regrasped:
-            self.regrasp()
-        self.add(
-            grasper.grip_force if tear is None else tear.event.force,
-            beam.hook(),
-            beam.check.distance_to_break,
-            held=grasper.holds,
-            deflection=beam.pulled.deflection,
-            came_from=tissue.came_from,
-        )
-        if tear is not None and not self.torn:
-            self.tear(tear.event)
 
 
 def _within(value: float, ends: tuple[float, float]) -> float:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from app.simulation.attempt import Attempt, Taker
+from app.simulation.attempt import Attempt, MetricsRecorder
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.errors import Incident
 from app.simulation.exercise import (
@@ -24,13 +24,13 @@ __all__ = ["Run"]
 class Run:
     """A run: it starts with the first input and is over with the last tear or the exercise.
 
-    `taker` has taken a tick's measures before the tick is counted here; `attempt` judges the
+    `recorder` has taken a tick's measures before the tick is counted here; `attempt` judges the
     exercise, if there is one.
     """
 
     def __init__(
         self,
-        taker: Taker,
+        recorder: MetricsRecorder,
         exercise: Exercise | None = None,
         feedback: Feedback = Feedback.CONTINUOUS,
         exercise_inputs: ExerciseInputs = "any",
@@ -38,7 +38,7 @@ class Run:
     ) -> None:
         self.exercise, self.feedback = exercise, feedback
         self.exercise_inputs: ExerciseInputs = exercise_inputs
-        self._taker, self._attempt = taker, attempt
+        self._recorder, self._attempt = recorder, attempt
         self._start: Callable[[], RunStart] | None = None
         self._over = False
         self._log = InputLog()
@@ -66,7 +66,7 @@ class Run:
     @property
     def ticks(self) -> int:
         """Ticks so far."""
-        return self._taker.ticks
+        return self._recorder.ticks
 
     @property
     def inputs(self) -> int:
@@ -118,7 +118,7 @@ class Run:
         if len(self._log) >= MOST_INPUTS:
             self.finish()
             return
-        self._log.note(self._taker.ticks, hand, kind, *values)
+        self._log.note(self._recorder.ticks, hand, kind, *values)
 
     def end_tick(self, *, over: bool) -> None:
         """Judge a tick whose measures are taken; the exercise's end or time end the run too."""
@@ -129,20 +129,20 @@ class Run:
 
     def metrics(self) -> Metrics:
         """Return the measures so far, by key."""
-        return metrics_of(self._taker.measures())
+        return metrics_of(self._recorder.measures())
 
     def incidents(self) -> list[Incident]:
         """Return the errors that were made so far, in order; none before the start."""
-        return self._taker.errors.all() if self.started else []
+        return self._recorder.errors.all() if self.started else []
 
     @property
     def errors(self) -> int:
         """How many there are."""
-        return sum(self._taker.errors.number.values()) if self.started else 0
+        return sum(self._recorder.errors.number.values()) if self.started else 0
 
     def cause(self) -> Incident | None:
         """Return the error of the last second that an end is put down to, if there was one."""
-        return self._taker.errors.cause() if self.started else None
+        return self._recorder.errors.cause() if self.started else None
 
     def file(self, organ: OrganIdentity, seed: int) -> RunFile:
         """Return the run so far; a `ValueError` before the start."""

@@ -8,18 +8,15 @@ count, and no part has a point.
 """
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import Anatomy
+from app.simulation.critical_view import CriticalView, Tenting
+from app.simulation.spatial_tissue import SpatialTissue
 
-if TYPE_CHECKING:
-    from app.simulation.spatial_tissue import SpatialTissue
-
-__all__ = ["CriticalView", "Safety", "Tenting"]
+__all__ = ["Safety"]
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -31,42 +28,8 @@ MARGIN_MM = 2.0
 """mm by which the triangle of the axes is wider."""
 LOWER_FRACTION = 1.0 / 3.0
 BIN_MM = 1.0
-TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 ALONG_MM = 10.0
 """Length of duct, to either side of the junction, over which its direction is taken."""
-
-
-@dataclass(frozen=True, slots=True)
-class CriticalView:
-    """The critical view of safety, with the shares of strands that have parted."""
-
-    two_structures: int
-    triangle_cleared: int
-    plate_freed: int
-    structures: dict[str, float]  # share about each one that enters the gallbladder, by its name
-    neck: float
-    triangle: float
-    plate: float
-    torn: tuple[str, ...]  # structures that have torn
-
-    @property
-    def total(self) -> int:
-        """Points, 0 to 6."""
-        return self.two_structures + self.triangle_cleared + self.plate_freed
-
-
-@dataclass(frozen=True, slots=True)
-class Tenting:
-    """How the common duct is drawn out of its bed where the cystic duct joins it."""
-
-    diameters: float  # the junction's displacement, in the common duct's diameters
-    cystic_deg: float  # between the cystic duct and the common duct below the junction
-    upper_deg: float  # between the common duct above and below the junction
-
-    @property
-    def trap(self) -> bool:
-        """Whether the cystic duct goes on in the line of the common duct's lower part."""
-        return self.diameters > TENTED_DIAMETERS and self.cystic_deg < self.upper_deg + TENTED_DEG
 
 
 class Safety:
@@ -83,7 +46,7 @@ class Safety:
         If the anatomy has no gallbladder, or no duct that leads from it to another.
     """
 
-    def __init__(self, tissue: "SpatialTissue") -> None:
+    def __init__(self, tissue: SpatialTissue) -> None:
         anatomy = tissue.specimen.anatomy
         if anatomy is None:
             raise ValueError("a critical view of safety needs an anatomy, not a single duct")

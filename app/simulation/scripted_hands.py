@@ -18,11 +18,10 @@ from typing import Protocol
 import numpy as np
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.dissection_measures import LEAST_FLOW
 from app.simulation.exercise import Exercise, FreeLength, Stay
 from app.simulation.grasper import HAND_SPEED
 from app.simulation.session import Session
-from app.simulation.spatial_tissue import CLIP_OPENING, JAW_RADIUS
+from app.simulation.spatial_tissue import CLIP_OPENING, JAW_RADIUS, LEAST_FLOW
 from app.simulation.trocar import TROCARS
 
 __all__ = [

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 from app.anatomy import tube_title
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
-from app.simulation.safety import ENOUGH, SOME, CriticalView, Safety
+from app.simulation.critical_view import CriticalView
+from app.simulation.safety import ENOUGH, SOME, Safety
 from app.simulation.session import Session
 from app.simulation.spatial_tissue import EventKind
 

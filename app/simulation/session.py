@@ -23,12 +23,15 @@ from app.bed_preset import BedPreset, bed_named
 from app.simulation.attempt import Attempt
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.dissection import default_preset, fits
+from app.simulation.dissection_measures import DissectionRecorder
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.errors import Incident
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.inputs import ALL_INSTRUMENTS, Input, InputKind, Instrument, TheoryChoice
+from app.simulation.measures import PullRecorder
 from app.simulation.metrics import Metrics
+from app.simulation.metrics_recorder import MetricsRecorder
 from app.simulation.planar_tissue import PlanarTissue
 from app.simulation.preset import OrganBeam, Preset, preset_named, presets
 from app.simulation.reading import Reading, Vector
@@ -40,7 +43,7 @@ from app.simulation.run_file import (
     RunLog,
     strands_digest,
 )
-from app.simulation.spatial_tissue import SpatialTissue, Touch
+from app.simulation.spatial_tissue import HandContact, SpatialTissue
 from app.simulation.specimen import Specimen
 from app.simulation.tissue import Tissue
 from organ_geometry import Organ
@@ -247,7 +250,7 @@ class Session:
                 moved = tissue.advance()
                 changed |= moved
                 if self.run.going:
-                    self._taker.take(moved=moved)
+                    self._recorder.take(moved=moved)
                     self.run.end_tick(over=tissue.over)
                     if self.run.closed:
                         tissue.stop()
@@ -275,12 +278,12 @@ class Session:
         with self.lock:
             return self.tissue.write_stress(self.drawn, out, surface)
 
-    def beam_touched_by(self, hand: int) -> tuple[BeamOnBed, Touch]:
+    def beam_touched_by(self, hand: int) -> tuple[BeamOnBed, HandContact]:
         """Return a copy of the beam in space, and what a hand does to it."""
         with self.lock:
             return copy.deepcopy(self.spatial.beam), self.spatial.touch(hand)
 
-    def touch(self, hand: int) -> Touch:
+    def touch(self, hand: int) -> HandContact:
         """Return what a hand does to the beam in space now."""
         with self.lock:
             return self.spatial.touch(hand)
@@ -627,6 +630,12 @@ class Session:
             return SpatialTissue(specimen, broken_by_touch=self._broken_by_touch)
         return PlanarTissue(specimen)
 
+    def _recorder_of(self, exercise: Exercise | None) -> MetricsRecorder:
+        """Return what records the metrics of a run at the tissue in hand."""
+        if (plane := self.tissue.in_plane) is not None:
+            return PullRecorder(plane, exercise)
+        return DissectionRecorder(self.spatial, exercise)
+
     def _set(self, tissue: Tissue) -> None:
         """Start anew with a tissue; a ghost and a chain beside the one before go on beside it."""
         before, self.tissue = self.tissue, tissue
@@ -654,9 +663,9 @@ class Session:
         feedback: Feedback = Feedback.CONTINUOUS,
         inputs: ExerciseInputs = "any",
     ) -> None:
-        self._taker = self.tissue.taker(exercise)
-        attempt = None if exercise is None else Attempt(exercise, self._taker)
-        self.run = Run(self._taker, exercise, feedback, inputs, attempt)
+        self._recorder = self._recorder_of(exercise)
+        attempt = None if exercise is None else Attempt(exercise, self._recorder)
+        self.run = Run(self._recorder, exercise, feedback, inputs, attempt)
 
     def _begin_run(self) -> bool:
         """Start the run with the first input, on a tissue that nothing has touched before."""
@@ -664,7 +673,7 @@ class Session:
             return False
         under_way = self.tissue.renew()
         self.run.start(self.tissue.start())
-        self._taker.start()
+        self._recorder.start()
         for hand, (kind, values) in under_way:
             self.run.note(hand, kind, *values)
         return True

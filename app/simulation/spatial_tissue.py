@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from app.bed_preset import BedPreset, named_or_whole
 from app.relaxation_preset import Prony
-from app.simulation.attempt import Taker
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
-from app.simulation.dissection_measures import LEAST_FLOW, DissectionMeasureTaker
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
 from app.simulation.hand import Hand
@@ -51,9 +49,20 @@ from physics import DEEPEST, RuptureCheck
 from physics.bed import BeamOnBed, Network, WorstStress
 
 __all__ = [
-    "CLIP_OPENING", "ELEMENTS", "HANDS", "JAW_RADIUS", "MOST_OPENING", "MOST_SUCTION", "SUBSTEPS",
+    "CLIP_OPENING",
+    "ELEMENTS",
+    "HANDS",
+    "JAW_RADIUS",
+    "MOST_OPENING",
+    "MOST_SUCTION",
+    "SUBSTEPS",
     "SWAB_RADIUS",
-    "TOWARDS_HAND", "Event", "EventKind", "Rod", "SpatialTissue", "Touch",
+    "TOWARDS_HAND",
+    "Event",
+    "EventKind",
+    "HandContact",
+    "Rod",
+    "SpatialTissue",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -63,6 +72,8 @@ flow out of a tube, and that no longer does; a clip that closes a tube, and scis
 it."""
 
 LOSSES: dict[str, EventKind] = {"blood": "bleeding", "bile": "leak"}
+LEAST_FLOW = 1e-3
+"""mm^3/s. Out of a tube that loses less, nothing flows."""
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
 SCOPE_INSTRUMENTS: tuple[Instrument, ...] = ("grasper", "dissector")
 """At an anatomy: the assistant's hand holds, the surgeon's parts."""
@@ -126,7 +137,7 @@ class Rod(NamedTuple):
     radius: float  # mm
 
 
-class Touch(NamedTuple):
+class HandContact(NamedTuple):
     """What a hand does to the beam."""
 
     station: float | None  # that it holds, mm along the beam
@@ -152,7 +163,7 @@ class SpatialTissue:
     """
 
     def __init__(self, specimen: Specimen, *, broken_by_touch: bool = True) -> None:
-        self.specimen, self._broken_by_touch = specimen, broken_by_touch
+        self.specimen, self.broken_by_touch = specimen, broken_by_touch
         self.threshold = specimen.threshold
         self.tubes = specimen.tubes(elements=ELEMENTS)
         self._rest = next(iter(self.tubes.network.tubes.values()))
@@ -532,14 +543,14 @@ class SpatialTissue:
         """Set how far a dissector's jaws part, mm between their axes."""
         self.hands[hand].target_opening = min(max(opening, 0.0), MOST_OPENING)
 
-    def touch(self, hand: int) -> Touch:
+    def touch(self, hand: int) -> HandContact:
         """Return what a hand does to the beam now."""
         holder = self.hands[hand]
         node, instrument = holder.node, holder.instrument
         rods = tuple(Rod(number, tip.copy(), holder.aim, RADIUS[instrument])
                      for number, tip in self._tips(hand))  # fmt: skip
         station = None if node is None else self._station_of(node, holder.tube)
-        return Touch(station, holder.place.copy(), rods, self.tubes.names[holder.tube])
+        return HandContact(station, holder.place.copy(), rods, self.tubes.names[holder.tube])
 
     def _station_of(self, node: int, tube: int) -> float:
         """Return where a node is on a beam, mm."""
@@ -893,7 +904,7 @@ class SpatialTissue:
             stiffening=preset.stiffening,
             elements=ELEMENTS,
             substeps=SUBSTEPS,
-            broken_by_touch=self._broken_by_touch,
+            broken_by_touch=self.broken_by_touch,
             tips_mm=tips,
             anatomy=None if anatomy is None else anatomy_or_name(anatomy),
             strand_relaxation=Prony.of(self._relaxing[0]),
@@ -903,10 +914,6 @@ class SpatialTissue:
 
     def goal_of(self, exercise: Exercise) -> None:
         """Return nothing: goals in space are no deflections."""
-
-    def taker(self, exercise: Exercise | None) -> Taker:
-        """Return what takes the measures of a run, and finds its errors."""
-        return DissectionMeasureTaker(self, exercise, broken_by_touch=self._broken_by_touch)
 
     def put_hands(self, tips: Sequence[Sequence[float]]) -> None:
         """Put the hands' tips somewhere at once, (HANDS, 3) mm, before a run begins."""

@@ -6,7 +6,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.attempt import Taker
 from app.simulation.dissection import Dissection
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
@@ -148,8 +147,4 @@ class Tissue(Protocol):
 
     def goal_of(self, exercise: Exercise) -> tuple[float, float] | None:
         """Return the deflections between which an exercise's goal lies here, mm, or None."""
-        ...
-
-    def taker(self, exercise: Exercise | None) -> Taker:
-        """Return what takes the measures of a run, and finds its errors."""
         ...

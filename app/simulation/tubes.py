@@ -16,9 +16,9 @@ from app.anatomy import (
     tube_lines,
     tube_organ,
 )
-from app.simulation.bedded_surface import BeddedSurface
 from app.simulation.dissection import DRIVING_POINTS_PER_SPAN, Dissection
 from app.simulation.preset import OrganBeam, Preset
+from app.simulation.surface_mapping import SurfaceMapping
 from organ_geometry import DrivingPoints
 from physics import Beam
 from physics.bed import BeamOnBed, Flow, Network, SpaceBeam, Strands
@@ -67,10 +67,10 @@ class Tubes:
         return tuple(np.flatnonzero(self.strands.tubes == each) for each in range(len(self.names)))
 
     @cached_property
-    def surfaces(self) -> tuple[BeddedSurface, ...]:
+    def surfaces(self) -> tuple[SurfaceMapping, ...]:
         """Of each tube: how its surface follows the beam."""
         return tuple(
-            BeddedSurface(dissection, rest, self.strands.some(mine), name)
+            SurfaceMapping(dissection, rest, self.strands.some(mine), name)
             for dissection, (name, rest), mine in zip(
                 self.dissections, self.network.tubes.items(), self.strands_of, strict=True
             )

@@ -117,10 +117,10 @@ def _loft_cuts(
         for line in range(lines):
             # Look both ways from the middle for the nearest piece that the plane crosses.
             place = -1
-            for way in range(count):
+            for step in range(count):
                 best = np.inf
                 for side in range(-1, 2, 2):
-                    piece = start + side * way
+                    piece = start + side * step
                     if piece < 0 or piece > count - 2:
                         continue
                     low = (
@@ -169,15 +169,15 @@ def even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
 
 @njit(cache=True, nogil=True)
 def _even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    corners, ways = points.shape
+    corners, axes = points.shape
     lengths = np.zeros(corners + 1)
     for corner in range(corners):
         after = corner + 1 if corner + 1 < corners else 0
         squared = 0.0
-        for way in range(ways):
-            squared += (points[after, way] - points[corner, way]) ** 2
+        for axis in range(axes):
+            squared += (points[after, axis] - points[corner, axis]) ** 2
         lengths[corner + 1] = lengths[corner] + math.sqrt(squared)
-    even = np.empty((count, ways))
+    even = np.empty((count, axes))
     step = lengths[corners] / count
     corner = 0
     for number in range(count):
@@ -186,10 +186,10 @@ def _even_points(points: NDArray[np.float64], count: int) -> NDArray[np.float64]
             corner += 1
         after = corner + 1 if corner + 1 < corners else 0
         length = lengths[corner + 1] - lengths[corner]
-        for way in range(ways):
-            start = points[corner, way]
-            slope = (points[after, way] - start) / length if length > 0.0 else 0.0
-            even[number, way] = slope * (wanted - lengths[corner]) + start
+        for axis in range(axes):
+            start = points[corner, axis]
+            slope = (points[after, axis] - start) / length if length > 0.0 else 0.0
+            even[number, axis] = slope * (wanted - lengths[corner]) + start
     return even
 
 
@@ -202,10 +202,10 @@ def centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64
 def _centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     count = len(points)
     middle = np.zeros(3)
-    for way in range(3):
+    for axis in range(3):
         for i in range(count):
-            middle[way] += points[i, way]
-        middle[way] /= count
+            middle[axis] += points[i, axis]
+        middle[axis] /= count
     crossed = np.empty((count, 3))
     twice = np.zeros(3)
     for i in range(count):
@@ -216,19 +216,19 @@ def _centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float6
         crossed[i, 0] = a1 * b2 - a2 * b1
         crossed[i, 1] = a2 * b0 - a0 * b2
         crossed[i, 2] = a0 * b1 - a1 * b0
-        for way in range(3):
-            twice[way] += crossed[i, way]
+        for axis in range(3):
+            twice[axis] += crossed[i, axis]
     size = math.sqrt(twice[0] ** 2 + twice[1] ** 2 + twice[2] ** 2)
     total = 0.0
     moment = np.zeros(3)
     for i in range(count):
         after = i + 1 if i + 1 < count else 0
         part = 0.0
-        for way in range(3):
-            part += crossed[i, way] * (twice[way] / max(size, _TINY))
+        for axis in range(3):
+            part += crossed[i, axis] * (twice[axis] / max(size, _TINY))
         total += part
-        for way in range(3):
-            moment[way] += part * (points[i, way] + points[after, way] - 2.0 * middle[way])
-    for way in range(3):
-        middle[way] += moment[way] / (3.0 * max(total, _TINY))
+        for axis in range(3):
+            moment[axis] += part * (points[i, axis] + points[after, axis] - 2.0 * middle[axis])
+    for axis in range(3):
+        middle[axis] += moment[axis] / (3.0 * max(total, _TINY))
     return middle, math.sqrt(0.5 * size / math.pi)

@@ -7,13 +7,13 @@ import msgspec
 import numpy as np
 from simulated import bed_session, phantom
 
-from app.classroom.exercise_file import SetExercise, read_exercise, template
+from app.classroom.exercise_file import AssignedExercise, read_exercise, template
 from app.classroom.store import RunRecord, now
 from app.simulation import run_json
 
 
 @cache
-def asked() -> SetExercise:
+def asked() -> AssignedExercise:
     """An exercise that a teacher sets."""
     return read_exercise(template("window")).on(phantom(), None)
 

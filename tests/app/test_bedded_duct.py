@@ -112,7 +112,7 @@ def test_the_same_inputs_give_the_same_bits(session: Session) -> None:
 
 
 def test_a_grasper_stays_where_it_is_left_and_holds(session: Session) -> None:
-    """The second hand's force goes on while the first works; the books balance."""
+    """The second hand's force goes on while the first works; the energies balance."""
     session.grab(1, 32.0)
     lift(session, 3.0, hand=1)
     session.grab(0, 20.0)
@@ -160,10 +160,10 @@ def test_a_pull_too_far_tears_the_duct_into_two_pieces_that_hang_on_their_strand
     assert np.isfinite(first).all()
     assert np.isfinite(second).all()
     assert max(first[:, 2].max(), second[:, 2].max()) < 6.0  # from 14 mm
-    books = reading.energy
-    explained = books.stored + books.dissipated + books.snap + books.drag
-    explained += books.lag + books.residual
-    assert books.work == pytest.approx(explained, rel=1e-6)
+    energy = reading.energy
+    explained = energy.stored + energy.dissipated + energy.snap + energy.drag
+    explained += energy.lag + energy.residual
+    assert energy.work == pytest.approx(explained, rel=1e-6)
     session.reset()
     assert session.reading().torn_at is None
     assert np.array_equal(session.drawn.surfaces[0].vertices, session.drawn.skin.vertices)

@@ -24,8 +24,8 @@ from simulated import phantom
 from app.classroom import store as store_module
 from app.classroom.exercise_file import (
     GOALS,
+    AssignedExercise,
     Goal,
-    SetExercise,
     read_exercise,
     template,
 )
@@ -250,7 +250,7 @@ def test_an_exercise_file_asks_what_the_trainer_would(goal: Goal) -> None:
     opening = found.exercise.opening
     where = "pull" if opening is None else "dissect" if opening.bed else "anatomy"
     assert found.mode == where
-    assert SetExercise.of_json(found.json) == found
+    assert AssignedExercise.of_json(found.json) == found
 
 
 def test_an_exercise_file_may_let_tissue_relax_with_limits_found_so() -> None:
@@ -265,7 +265,7 @@ def test_an_exercise_file_may_let_tissue_relax_with_limits_found_so() -> None:
         assert found.exercise.opening.relaxes is relaxes
     ratio = "peak_stress_ratio"
     assert relaxing.exercise.limit_of[ratio] < plain.exercise.limit_of[ratio]
-    assert SetExercise.of_json(relaxing.json) == relaxing
+    assert AssignedExercise.of_json(relaxing.json) == relaxing
     with pytest.raises(ValueError, match=r"duct\.relaxes does not go with hold_stretch"):
         read_exercise(template("hold_stretch").replace("[duct]", "[duct]\nrelaxes = true"))
 

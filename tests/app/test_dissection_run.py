@@ -165,7 +165,7 @@ def test_the_measures_are_those_of_the_readings() -> None:
         forces.append(np.array(reading.forces[0]))
         fractions.append(reading.stress_ratio)
         parted.append(reading.broken)
-    found, books = session.metrics(), session.reading().energy
+    found, energy = session.metrics(), session.reading().energy
     sizes = np.linalg.norm(forces, axis=1)
     assert found["maximum_force_N"] == [pytest.approx(sizes.max()), 0.0]
     assert found["force_time_product_N_s"][0] == pytest.approx(sizes.sum() / 30.0)
@@ -184,10 +184,10 @@ def test_the_measures_are_those_of_the_readings() -> None:
     assert found["shortest_time_to_break_s"] == pytest.approx(min(left))
     assert found["strands_broken"] == parted[-1] == found["strands_broken_by_hand"][0]
     assert 0 < found["strands_broken_out_of_sight"] < found["strands_broken"]
-    assert found["work_mJ"] == [pytest.approx(books.work), 0.0]
-    assert found["strand_energy_mJ"] == books.dissipated
-    assert found["economy_of_work"] == pytest.approx(books.dissipated / books.work)
-    assert 0.0 < found["duct_energy_mJ"] < books.work - books.dissipated
+    assert found["work_mJ"] == [pytest.approx(energy.work), 0.0]
+    assert found["strand_energy_mJ"] == energy.dissipated
+    assert found["economy_of_work"] == pytest.approx(energy.dissipated / energy.work)
+    assert 0.0 < found["duct_energy_mJ"] < energy.work - energy.dissipated
     # A hook pulls no strand against an instrument; jaws behind the duct pull all of theirs so.
     assert found["strands_broken_by_instrument"] == 0
 

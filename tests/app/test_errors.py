@@ -23,6 +23,7 @@ from app.simulation import (
     Specimen,
 )
 from app.simulation.attempt import Attempt
+from app.simulation.dissection_measures import DissectionRecorder
 from app.simulation.errors import CLOSED_AFTER, Conditions, Incidents
 from benchmarks.faults import FAULTS, Fault, done, exercises, good
 
@@ -196,13 +197,13 @@ def test_a_structure_that_an_exercise_is_not_about_is_a_wrong_one() -> None:
         tissue = session.spatial
         exercise = Exercise("own", "Own", FreeLength(40.0, 0.0, 58.0), limits=limits,
                             about=("cystic", "gallbladder"))  # fmt: skip
-        taker = tissue.taker(exercise)
-        taker.start()
-        attempt = Attempt(exercise, taker)
+        recorder = DissectionRecorder(tissue, exercise)
+        recorder.start()
+        attempt = Attempt(exercise, recorder)
         assert tissue.grab(0, 10.0, tissue.tubes.names.index(tube)) is not None
         for _ in range(20):
             tissue.move_hand(0, tissue.hands[0].target + np.array([0.0, 0.0, 0.15]))
-            taker.take(moved=tissue.advance())
+            recorder.take(moved=tissue.advance())
             attempt.take()
         ends.append("" if attempt.outcome is None else attempt.outcome.reason)
     assert ends[0] == ""

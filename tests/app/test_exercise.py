@@ -25,8 +25,7 @@ from app.simulation import (
 )
 from app.simulation.attempt import Attempt
 from app.simulation.exercise import feedback_visible
-from app.simulation.measures import MeasureTaker
-from app.simulation.planar_tissue import PullTaker
+from app.simulation.measures import PullMetrics, PullRecorder
 from app.simulation.scripted_hands import CLUMSY, HASTY, Reach
 from organ_geometry.organ import Organ
 from physics import BreakEvent, Exact, RuptureCheck, TautString, Theory
@@ -67,19 +66,19 @@ class Tick(NamedTuple):
 UP, DOWN = [Tick(0.1, 1.0), Tick(0.3, 3.0), *[Tick()] * 3], [Tick(0.3, 3.0), Tick(0.1, 1.0)]
 
 
-class Taker(MeasureTaker):
+class MadeUpRecorder(PullMetrics):
     """Takes ticks that are made up."""
 
-    start = PullTaker.start
-    take = PullTaker.take
+    start = PullRecorder.start
+    take = PullRecorder.take
 
 
 def taken(exercise: Exercise, *series: Tick) -> Attempt:
     """An attempt at an exercise after a made-up run, with the measures that it has."""
-    taker = Taker(1.0, exercise.goal.band)
-    attempt = Attempt(exercise, taker)  # pyright: ignore[reportArgumentType]
+    recorder = MadeUpRecorder(1.0, exercise.goal.band)
+    attempt = Attempt(exercise, recorder)  # pyright: ignore[reportArgumentType]
     for each in series:
-        taker.add(
+        recorder.add(
             each.force,
             (0.0, 0.0, each.deflection),
             each.distance,
@@ -87,7 +86,7 @@ def taken(exercise: Exercise, *series: Tick) -> Attempt:
             deflection=each.deflection,
         )
         if each.torn:
-            taker.tear(TEAR)
+            recorder.tear(TEAR)
         attempt.take()
     return attempt
 

@@ -17,9 +17,9 @@ from simulated import phantom
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import TOWARDS_VIEWER, viewpoint
 from app.trainer.stage.clamps import STUB
-from app.trainer.stage.dressed_surface import DARKEST
 from app.trainer.stage.heat_map import heat_legend_html
 from app.trainer.stage.lighting import Look
+from app.trainer.stage.refined_surface import DARKEST
 from app.trainer.stage.tone import color_table, light_for, light_table, shown_color
 
 LEVELS = np.arange(256, dtype=np.uint8)[:, None]

@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from simulated import phantom, pull_session, settle
 
 from app.simulation import TICK_SECONDS, Phase, Replay, loading_rates
-from app.simulation.measures import MeasureTaker
+from app.simulation.measures import PullMetrics
 from physics import BreakEvent, Cubic, RuptureCheck
 
 
-def taken(forces: list[float], heights: list[float], *, threshold: float = 1.0) -> MeasureTaker:
-    taker = MeasureTaker(threshold)
+def taken(forces: list[float], heights: list[float], *, threshold: float = 1.0) -> PullMetrics:
+    recorder = PullMetrics(threshold)
     for force, height in zip(forces, heights, strict=True):
-        taker.add(force, (3.0, 0.0, height), 1.0 - force / 4.0, held=force > 0.0)
-    return taker
+        recorder.add(force, (3.0, 0.0, height), 1.0 - force / 4.0, held=force > 0.0)
+    return recorder
 
 
 def test_a_scripted_run_has_the_measures_found_by_hand() -> None:
@@ -144,11 +144,11 @@ def test_the_rates_of_a_series_are_those_that_are_measured() -> None:
 
 
 def test_an_overshoot_is_the_way_past_the_band_by_its_middle() -> None:
-    assert MeasureTaker(1.0).measures().overshoot is None
-    taker = MeasureTaker(1.0, (4.0, 6.0))
+    assert PullMetrics(1.0).measures().overshoot is None
+    recorder = PullMetrics(1.0, (4.0, 6.0))
     for deflection, held in ((3.0, True), (5.9, True), (7.0, True), (6.5, True), (9.0, False)):
-        taker.add(1.0, (0.0, 0.0, deflection), 0.5, held=held, deflection=deflection)
-    assert taker.measures().overshoot == pytest.approx(1.0 / 5.0)
+        recorder.add(1.0, (0.0, 0.0, deflection), 0.5, held=held, deflection=deflection)
+    assert recorder.measures().overshoot == pytest.approx(1.0 / 5.0)
 
 
 def test_a_way_too_small_to_be_squared_has_no_smoothness() -> None:
@@ -157,21 +157,21 @@ def test_a_way_too_small_to_be_squared_has_no_smoothness() -> None:
 
 
 def test_the_way_between_two_holds_is_not_part_of_the_path() -> None:
-    taker = MeasureTaker(1.0)
+    recorder = PullMetrics(1.0)
     for height in (0.0, 2.0):
-        taker.add(1.0, (0.0, 0.0, height), 0.9, held=True)
-    taker.add(0.0, (0.0, 0.0, 1.0), 0.9, held=False)
+        recorder.add(1.0, (0.0, 0.0, height), 0.9, held=True)
+    recorder.add(0.0, (0.0, 0.0, 1.0), 0.9, held=False)
     for height in (7.0, 8.0):
-        taker.add(1.0, (9.0, 0.0, height), 0.9, held=True)
-    taker.regrasp()
-    taker.add(1.0, (20.0, 0.0, 8.5), 0.9, held=True, came_from=(20.0, 0.0, 8.0))
-    assert taker.measures().path_length_mm == 3.5
+        recorder.add(1.0, (9.0, 0.0, height), 0.9, held=True)
+    recorder.regrasp()
+    recorder.add(1.0, (20.0, 0.0, 8.5), 0.9, held=True, came_from=(20.0, 0.0, 8.0))
+    assert recorder.measures().path_length_mm == 3.5
 
 
 def test_the_tear_is_told_with_criterion_place_time_and_load() -> None:
-    taker = taken([1.0, 2.0, 3.0], [0.0, 1.0, 2.0])
-    taker.tear(BreakEvent(3.0, 2.0, RuptureCheck(10.0, -1, 0.1, 0.2, 0.25)))
-    tear = taker.measures().tear
+    recorder = taken([1.0, 2.0, 3.0], [0.0, 1.0, 2.0])
+    recorder.tear(BreakEvent(3.0, 2.0, RuptureCheck(10.0, -1, 0.1, 0.2, 0.25)))
+    tear = recorder.measures().tear
     assert tear is not None
     assert (tear.station_mm, tear.side, tear.force_N, tear.deflection_mm) == (
         10.0,

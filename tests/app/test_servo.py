@@ -65,7 +65,7 @@ class Felt:
     forces: np.ndarray[tuple[int], np.dtype[np.float64]]
     given: np.ndarray[tuple[int, int], np.dtype[np.float64]]
     energies: np.ndarray[tuple[int, int], np.dtype[np.float64]]
-    left: np.ndarray[tuple[int], np.dtype[np.float64]]  # of the work on the model, by its own books
+    left: np.ndarray[tuple[int], np.dtype[np.float64]]  # of the work on the model, by its own count
 
 
 def rendered(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 1000,
@@ -127,7 +127,7 @@ def hands(most: float = 25.0) -> st.SearchStrategy[HandScript]:
 
 
 def unexplained(run: Felt) -> float:
-    """What the books leave of the hand's work, over all periods, in parts of its peak."""
+    """What the energies leave of the hand's work, over all periods, in parts of its peak."""
     energies, left = run.energies, run.left
     named = energies[:, [MODELLED, SAMPLED, BRAKED, WITHHELD]].sum(axis=1)
     peak = max(float(np.abs(energies[:, WORK]).max()), 1e-2)  # mJ; less is no pull
@@ -159,7 +159,7 @@ def test_the_work_of_any_hand_is_stored_or_dissipated_to_a_millionth(
 def test_the_work_of_any_hand_in_a_bed_is_stored_dissipated_or_released(
     script: HandScript, bed: str
 ) -> None:
-    """To what the trapezoidal rule of the bed's own books leaves open; without `released` 1e-2."""
+    """To what the trapezoidal rule of the bed's own energies leave open; without `released`."""
     seconds = script.path[-1].time_s + 0.1
     run = rendered(script, in_bed(bed), seconds=seconds)
     assert unexplained(run) < 3e-4  # 6e-5 at worst in 250, 2e-7 in the median
@@ -176,7 +176,7 @@ def test_the_work_of_any_hand_in_a_bed_is_stored_dissipated_or_released(
 def test_what_the_motors_did_is_what_the_loop_has_booked() -> None:
     run = rendered(hand(device={"force_rate_limit_N_per_s": 1e6}))
     by_motors = 1e3 * run.device.simulated.work[1]
-    # The last force still acts when the device's books are closed.
+    # The last force still acts when the device's work is summed.
     assert run.energies[-1, WORK] == pytest.approx(-by_motors, abs=2e-4)
 
 
@@ -339,7 +339,7 @@ def test_there_is_no_force_while_states_are_missing_and_it_comes_back_softly() -
     assert stepped(loop, 6.0, FRESH | LIVE) == 0.0
 
 
-def test_the_books_close_for_a_service_that_misses_states() -> None:
+def test_the_energies_close_for_a_service_that_misses_states() -> None:
     loop = ServoLoop(choice().haptic_model(1.0), LoopSettings(), LIMITS)
     for period in range(2000):
         stepped(loop, 4e-3 * period, LIVE if period % 50 < 10 else FRESH | LIVE)
@@ -370,7 +370,7 @@ def test_a_button_takes_the_duct_and_lets_go() -> None:
     assert stepped(loop, 5.0, FRESH | LIVE, 400) == 0.0
     for z in np.linspace(5.0, 9.0, 200).tolist():
         stepped(loop, z, FRESH | LIVE | TAKE)
-    assert loop.hooks_led[0, 2] == pytest.approx(4.0)
+    assert loop.hook_targets[0, 2] == pytest.approx(4.0)
     assert loop.model.forces[0, 2] > 0.3
     stored = loop.model.stored
     stepped(loop, 9.0, FRESH | LIVE, 50)
@@ -616,7 +616,7 @@ def test_a_device_that_falls_silent_ends_the_servo(goes: bool) -> None:
     else:
         assert report.ended_by.endswith("nothing comes")
         assert not any(device.forces[450:])  # no force for most of the silent second
-        assert report.stale_periods == report.troubles["nothing comes"]
+        assert report.stale_periods == report.device_errors["nothing comes"]
 
 
 class Unsure(VirtualDevice):
@@ -650,7 +650,7 @@ def test_places_that_are_no_numbers_move_nothing_and_all_devices_are_closed(
     assert not loop.given.any()
     report = servo.report("enough")
     assert not report.torn
-    assert report.troubles["a place that is no number or out of reach"] == 10
+    assert report.device_errors["a place that is no number or out of reach"] == 10
 
 
 def test_a_report_has_all_ducts_that_were_felt() -> None:

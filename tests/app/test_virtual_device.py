@@ -203,7 +203,7 @@ def test_a_socket_gives_one_inventory_one_state_a_message_and_the_list_of_device
     assert [line for line in said if "not a message" in line] == [said[1]]
 
 
-def test_the_books_of_a_simulated_device_close() -> None:
+def test_the_energies_of_a_simulated_device_close() -> None:
     script = HandScript(
         device=SimulatedHardware(latency_ms=2.0),
         hand=SimulatedHand(reaction_delay_ms=5.0, damping_N_s_per_m=6.0, tremor_mm=0.2),

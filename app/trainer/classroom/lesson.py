@@ -14,7 +14,7 @@ import viser
 
 from app.anatomy import anatomy_named
 from app.classroom.class_course import ClassCourse
-from app.classroom.exercise_file import SetExercise, read_exercise
+from app.classroom.exercise_file import AssignedExercise, read_exercise
 from app.classroom.progress import Try, next_level
 from app.classroom.recorder import Recorder
 from app.classroom.results import Result, best, results, shown_names, standing
@@ -110,7 +110,7 @@ class Lesson:
         self._found: tuple[int, list[Result]] = -1, []
         self._read_tries: tuple[int, dict[str, list[Try]]] = -1, {}
         self._assignment: Assignment | None = None
-        self._asked: SetExercise | None = None
+        self._asked: AssignedExercise | None = None
         self._take_assignment(store.assignment())
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._look, name="class", daemon=True)
@@ -215,7 +215,7 @@ class Lesson:
 
     # The exercise
 
-    def assign(self, text: str) -> SetExercise:
+    def assign(self, text: str) -> AssignedExercise:
         """Set the exercise in a file for all; a `ValueError` says what is wrong with it."""
         asked = read_exercise(text).on(self._organ, self._preset)
         self._end_all()
@@ -257,7 +257,7 @@ class Lesson:
         self._show_all()
 
     @property
-    def assignment(self) -> tuple[Assignment, SetExercise] | None:
+    def assignment(self) -> tuple[Assignment, AssignedExercise] | None:
         """What is set."""
         with self._lock:
             if self._assignment is None or self._asked is None:
@@ -265,7 +265,7 @@ class Lesson:
             return self._assignment, self._asked
 
     def _take_assignment(self, assignment: Assignment | None) -> None:
-        asked = None if assignment is None else SetExercise.of_json(assignment.exercise)
+        asked = None if assignment is None else AssignedExercise.of_json(assignment.exercise)
         with self._lock:
             self._assignment, self._asked = assignment, asked
 

@@ -131,12 +131,12 @@ class ScopeLead:
             if goal is None:
                 continue
             holder = state.hands[hand]
-            way = goal - holder.target
-            far = math.sqrt(float((way * way).sum()))
+            path = goal - holder.target
+            far = math.sqrt(float((path * path).sum()))
             most = self._speed(holder) * TICK_SECONDS * ticks
             if far <= most:
                 self._goals[hand] = None
-            step = way if far <= most else way * (most / far)
+            step = path if far <= most else path * (most / far)
             state.session.move_hand(hand, holder.target + step)
             self._aim(hand)
 

@@ -28,7 +28,7 @@ def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
     # viser's server sends the environment map from its own files: nothing is fetched from
     # elsewhere. These lights cast no shadows: viser 1.1.1 fixes the shadow camera's near plane and
     # bias for scenes of about a metre, and in mm everything beyond 100 mm from the lamp turns dark.
-    # `dressed_surface.light_surfaces` adds the shadows of the full look.
+    # `refined_surface.light_surfaces` adds the shadows of the full look.
     full = look == "full"
     scene.set_up_direction("+z")
     scene.configure_default_lights(False)

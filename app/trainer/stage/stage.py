@@ -13,10 +13,10 @@ from app.trainer.stage.bench import bench_glb
 from app.trainer.stage.camera import ELEVATION, OVERVIEW, Viewpoint, viewpoint
 from app.trainer.stage.clamps import clamp_glb
 from app.trainer.stage.drawn import add_model
-from app.trainer.stage.dressed_surface import light_surfaces
 from app.trainer.stage.hook import hook_glb
 from app.trainer.stage.lighting import Look, clear_light, fill_air, lamp_position, light_stage
 from app.trainer.stage.neighbours import neighbours_glb
+from app.trainer.stage.refined_surface import light_surfaces
 from app.trainer.stage.spill import spill_glb
 from app.trainer.stage.tissue_bed import COLUMNS, PLAIN_COLUMNS, REFERENCE_SPAN, tissue_bed_glb
 from app.trainer.stage.wall_texture import mean_color

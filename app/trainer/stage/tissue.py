@@ -18,11 +18,11 @@ from app.trainer.stage.appearance import Appearance, appearance_of, drawn_lumen,
 from app.trainer.stage.camera import TOWARDS_VIEWER
 from app.trainer.stage.clamps import STUB
 from app.trainer.stage.contact import Contact
-from app.trainer.stage.dressed_surface import (
+from app.trainer.stage.refined_surface import (
     FAR,
     NO_STRESS,
-    DressedSurface,
     Patch,
+    RefinedSurface,
     keep_finish,
 )
 from app.trainer.stage.wall_texture import PERIOD, mean_color, wall_texture
@@ -139,7 +139,7 @@ class Tissue:
             behind = np.abs(stations - edge) / radius
             behind[self._fringe] = -np.array(FRINGE)[: len(behind[self._fringe]), None]
         blood = None if look is None else look.blood
-        self._surface = DressedSurface(
+        self._surface = RefinedSurface(
             scene,
             name,
             None if look is None else FINISH,

@@ -2,7 +2,7 @@
 
 viser's streamed meshes have one colour and normals by their triangles. This one streams rings of a
 coarse grid; the page interpolates a finer grid through them and draws it in the material of a GLB
-file that was sent once (`dressed_surface.js`). A frame is each point's place and the light that
+file that was sent once (`refined_surface.js`). A frame is each point's place and the light that
 reaches it, 16 bytes a point. Instead of light it can be the stress at each point, to which the page
 gives the colours of `tone.light_table`, drawn as they are whatever the lamps.
 """
@@ -23,7 +23,7 @@ from app.trainer.viser_bridge.fast_transport import stream
 from app.trainer.viser_bridge.page import float32_text, run_function, run_module
 from organ_geometry.mesh import Finish
 
-__all__ = ["DressedSurface", "Patch", "keep_finish", "light_surfaces"]
+__all__ = ["Patch", "RefinedSurface", "keep_finish", "light_surfaces"]
 
 SCRIPT = Path(__file__).with_suffix(".js")
 FAR = 100.0
@@ -77,7 +77,7 @@ def light_surfaces(
     run_module(scene, SCRIPT, "bluntdissectSurfaces.stage", light)
 
 
-class DressedSurface:
+class RefinedSurface:
     """A streamed surface of one client in a material of its own, the scene node `name`.
 
     Parameters

@@ -15,7 +15,7 @@ from kernel_cache import njit
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, SpaceBeam, Strands
 
-__all__ = ["BeddedSurface"]
+__all__ = ["SurfaceMapping"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,7 +24,7 @@ ELEMENTS = 40
 """Of a span: a place is freed when the strands within one of so many to either side have parted."""
 
 
-class BeddedSurface:
+class SurfaceMapping:
     """A duct's surface over a bed.
 
     Parameters
