@@ -87,6 +87,7 @@ class BedRecorder:
             phase=Phase.TEARING,
             check=check,
             holding=(False,) * len(last.reading.holding),
+            nicks=(),
         )
         torn = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
         self._tear = self._middle(beam, element)

@@ -116,6 +116,17 @@ class Motion:
         led[beyond] = self.second[key][beyond]
         return led
 
+    def nicks(self) -> list[dict[str, object]]:
+        """Return the tears that go part of the way, each by its depth, mm, at the keys it has."""
+        found: dict[float, dict[float, float]] = {}
+        for time, reading in zip(self.times.tolist(), self.readings, strict=True):
+            for nick in reading.nicks:
+                found.setdefault(nick.station, {})[time] = nick.depth_mm
+        return [
+            {"station_mm": station, "time_s": [*depths], "depth_mm": [*depths.values()]}
+            for station, depths in found.items()
+        ]
+
     @property
     def whole(self) -> NDArray[np.bool_]:
         """(T,) whether the organ is whole at each key."""

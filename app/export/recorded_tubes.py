@@ -61,7 +61,12 @@ def recorded_runs(log: RunLog, organ: Organ, *, frames: int) -> tuple[RecordedRu
             recorder.add(
                 tick * TICK_SECONDS,
                 tissue.beam,
-                replace(reading, phase=phase, check=check),
+                replace(
+                    reading,
+                    phase=phase,
+                    check=check,
+                    nicks=tuple(each for each in reading.nicks if each.tube == number),
+                ),
                 tissue.torn_elements[number],
                 front,
             )

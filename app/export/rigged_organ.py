@@ -21,7 +21,7 @@ first's. (On the root of its own joints it would be lost to a reader such as God
 mesh below its joints.)
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -113,7 +113,10 @@ def rigged_organs(rigs: Sequence[Rig]) -> bytes:
         animation = _Animation(file)
         for each in made:
             each.animate(animation, number)
-        animation.close(motion.name)
+        nicks = [
+            {"mesh": rig.names[0], **nick} for rig in rigs for nick in rig.motions[number].nicks()
+        ]
+        animation.close(motion.name, nicks)
     return file.content()
 
 
@@ -407,9 +410,15 @@ class _Animation:
             "STEP",
         )
 
-    def close(self, name: str) -> None:
-        """Write the animation to the file."""
-        item = {"name": name, "samplers": self._samplers, "channels": self._channels}
+    def close(self, name: str, nicks: Sequence[Mapping[str, object]]) -> None:
+        """Write the animation to the file, with the walls that tear in part, if any does."""
+        item: dict[str, Any] = {
+            "name": name,
+            "samplers": self._samplers,
+            "channels": self._channels,
+        }
+        if nicks:
+            item["extras"] = {"nicks": nicks}
         self._file.add("animations", item)
 
     def _times(self, times: NDArray[np.float64]) -> int:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from app.export.motion import Motion
 from app.export.strands import StrandsSnapshot
-from app.simulation import PIECES, Dissection, Stresses, SurfaceStress
+from app.simulation import PIECES, Dissection, NickReading, Stresses, SurfaceStress
 from organ_geometry.mesh import Surface, TornPiece, organ_skin
 
 __all__ = ["NAMES", "ORGAN", "Snapshot", "bed_snapshots"]
@@ -30,18 +30,22 @@ class Snapshot:
     # share of strands that have parted about the vertices of each, and the strands, in a bed
     freed: tuple[NDArray[np.float32], ...] = ()
     strands: StrandsSnapshot | None = None
+    # how deep the wall is torn at the vertices of each, mm, in a bed
+    nicked: tuple[NDArray[np.float32], ...] = ()
 
     @classmethod
     def joined(cls, parts: "Sequence[Snapshot]") -> "Snapshot":
         """Return the snapshots of several tubes in beds, at one moment, as one."""
         # Second pieces come last, so that a surface keeps its number when another tube tears.
-        of = [list(zip(each.surfaces, each.stresses, each.freed, strict=True)) for each in parts]
+        of = [
+            list(zip(each.surfaces, each.stresses, each.freed, each.nicked, strict=True))
+            for each in parts
+        ]
         shown = [first for first, *_ in of] + [second for _, *seconds in of for second in seconds]
-        surfaces, stresses, freed = zip(*shown, strict=True)
+        surfaces, stresses, freed, nicked = zip(*shown, strict=True)
         strands = StrandsSnapshot.joined([each.strands for each in parts if each.strands])
-        return cls(
-            surfaces, stresses, parts[0].force, parts[0].deflection, freed=freed, strands=strands
-        )
+        first = parts[0]
+        return cls(surfaces, stresses, first.force, first.deflection, freed, strands, nicked)
 
 
 def bed_snapshots(
@@ -82,4 +86,18 @@ def bed_snapshots(
                 for each in surfaces
             ),
             motion.strands_at(key, dissection.driving),
+            tuple(
+                _nicked(reading.nicks if whole else (), each.skin.stations - dissection.clamps[0])
+                for each in surfaces
+            ),
         )
+
+
+def _nicked(nicks: Sequence[NickReading], stations: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return how deep the wall is torn at stations, mm, as far as each tear weakens it."""
+    out = np.zeros(stations.size, np.float32)
+    for nick in nicks:
+        near = np.abs(stations - nick.station) <= nick.reach
+        near[np.abs(stations - nick.station).argmin()] = True
+        out[near] = np.maximum(out[near], nick.depth_mm)
+    return out

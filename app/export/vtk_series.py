@@ -48,6 +48,7 @@ def _surface(snapshot: Snapshot) -> bytes:
     }
     if snapshot.freed:
         point_data["freed"] = np.concatenate(snapshot.freed)
+        point_data["nick_depth_mm"] = np.concatenate(snapshot.nicked)
     point_data["surface"] = np.repeat(np.arange(len(surfaces), dtype=np.int32), np.diff(before))
     return vtp_content(
         np.concatenate([surface.vertices for surface in surfaces]),

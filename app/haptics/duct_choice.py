@@ -101,6 +101,7 @@ class DuctChoice:
                 period=period,
                 tube=self.tube,
                 strengths=strengths,
+                tear_mm_per_s=tubes.tear_speeds,
             )
         beam = specimen.space_beam(elements=ELEMENTS, nodes_at=self.grasps)
         return HapticBed(

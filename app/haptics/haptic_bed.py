@@ -99,7 +99,7 @@ class HapticBed:
     crosses it at `tear_mm_per_s`, or at once; `coupling` is
     the stiffness of the virtual coupling, N/mm, `period` that of the servo, s. `touch` is what
     another hand does to the beam already. Of several tubes `tube` is taken, and each tears at its
-    own of the `strengths`, MPa.
+    own of the `strengths`, MPa, and of the speeds in `tear_mm_per_s`.
     """
 
     def __init__(
@@ -114,17 +114,22 @@ class HapticBed:
         touch: HandContact | None = None,
         tube: str | None = None,
         strengths: Mapping[str, float] | None = None,
-        tear_mm_per_s: float | None = None,
+        tear_mm_per_s: float | Mapping[str, float] | None = None,
     ) -> None:
         positive(coupling, "coupling", "N/mm")
         hooks = len(grasps)
         self.grasps, self.coupling = grasps, coupling
         self.threshold, self._period = threshold, period
-        self._tear_mm = (tear_mm_per_s or math.inf) * STRESS_STEPS * period  # between two looks
         self._at_first, self._touch_at_first = beam, touch
         if beam.beam.wall is None:
             raise ValueError("a beam without a wall tears nowhere and cannot be felt")
         self._wall, self._tube, self._strengths = beam.beam.wall, tube, dict(strengths or {})
+        names = beam.network.tubes
+        speeds = tear_mm_per_s or {}
+        if not isinstance(speeds, Mapping):
+            speeds = dict.fromkeys(names, speeds)
+        # Of each tube, how far a tear goes on between two looks, mm.
+        self._tear_mm = {name: speeds.get(name, math.inf) * STRESS_STEPS * period for name in names}
         self.pushes, self.free = True, tips is not None
         self._tips_at_first = np.zeros((hooks, 3)) if tips is None else np.array(tips)
         self.forces, self.elastic_forces = np.zeros((hooks, 3)), np.zeros((hooks, 3))
@@ -199,8 +204,8 @@ class HapticBed:
         try:
             beam.tick(self._period)
             broken = self._steps % STRESS_STEPS == 0 and self._stress() > self.threshold
-            if broken and not self._strengths:  # wholly, or part of the way
-                broken = beam.nick(beam.worst_stress(), self._tear_mm) >= DEEPEST
+            if broken:  # wholly, or part of the way
+                broken = self._torn_through()
         except NoEquilibrium:
             broken = True
         state = beam.state
@@ -250,6 +255,16 @@ class HapticBed:
         if self.beam.beam.fibres is not None or self.beam.nicks_of():
             return self.beam.worst_stress().total
         return _worst_stress(self.beam.state.section, self._wall)
+
+    def _torn_through(self) -> bool:
+        """Let walls that are past their strengths tear; return whether one is torn through."""
+        beam, stresses = self.beam, self.beam.stresses()
+        strengths = self._strengths or dict.fromkeys(beam.network.tubes, self.threshold)
+        for tube, strength in strengths.items():
+            worst = beam.worst_stress(tube, stresses)
+            if worst.total > strength and beam.nick(worst, self._tear_mm[tube], tube) >= DEEPEST:
+                return True
+        return False
 
     @property
     def solved_by(self) -> str:

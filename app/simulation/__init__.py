@@ -54,7 +54,7 @@ from app.simulation.preset import (
     presets,
     read_preset,
 )
-from app.simulation.reading import FluidReading, Reading, Vector
+from app.simulation.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
 from app.simulation.run import Run
 from app.simulation.run_file import (
@@ -156,6 +156,7 @@ __all__ = [
     "Load",
     "Metric",
     "Metrics",
+    "NickReading",
     "Opening",
     "OrganBeam",
     "OrganIdentity",

@@ -135,6 +135,7 @@ class ErrorFinder:
         self._counts = np.zeros((HANDS + 1, 3), dtype=np.int64)
         self._pace = Pace(self.incidents)
         self._torn = False  # whether a tube tore in this tick
+        self._nicked = list(duct.nicked)
 
     def take(self, stretches: list[Span], out_of_sight: int) -> None:
         """Take a tick with the stretches that are free, mm; so many strands parted unseen in it."""
@@ -197,6 +198,30 @@ class ErrorFinder:
                     name=self._titles[tube],
                 )
         self._events = len(duct.events)
+        if duct.nicked != self._nicked:
+            self._judge_nicks()
+
+    def _judge_nicks(self) -> None:
+        """Note the walls that tore farther in this tick without parting."""
+        duct = self._duct
+        for nick in duct.nicks():
+            if nick.depth != duct.nicked[nick.tube] or nick.depth == self._nicked[nick.tube]:
+                continue
+            mine = [each for each in duct.events if each.tube == duct.tubes.names[nick.tube]]
+            began = [each for each in mine if each.kind == "nick"][-1]
+            self.incidents.note(
+                "nick",
+                began.hand,
+                nick.station,
+                nick.depth,
+                tube=nick.tube,
+                consequence="injury" if nick.leaks else "minor",
+                s=nick.depth,
+                x=nick.station,
+                leak=", and it leaks" if nick.leaks else "",
+                name=self._titles[nick.tube],
+            )
+        self._nicked[:] = duct.nicked
 
     def _judge_closing(self, event: "Event") -> None:
         """Judge a clip or a division: on which tube, and whether the time has come for it."""

@@ -7,7 +7,7 @@ from app.simulation.tear import Phase
 from physics import BreakEvent, RuptureCheck
 from physics.bed import EnergyBalance
 
-__all__ = ["FluidReading", "Reading", "Vector"]
+__all__ = ["FluidReading", "NickReading", "Reading", "Vector"]
 
 Vector = tuple[float, float, float]
 """mm or N in the duct's frame: along the clamps, lateral and along the pull, away from a bed."""
@@ -23,6 +23,23 @@ class FluidReading(NamedTuple):
     lost_ml: float
     left_ml: float
     rate_ml_s: float  # out of holes
+
+
+class NickReading(NamedTuple):
+    """A tear part of the way through a tube's wall (`physics.bed.Nick`)."""
+
+    tube: int  # its number
+    station: float  # mm from its first end
+    side: tuple[float, float]  # unit vector, up and along y of the tube: where it began
+    depth: float  # of the section's height
+    depth_mm: float
+    reach: float  # how far to each side it weakens the tube, mm
+    leaks: bool  # whether it is deeper than the wall
+
+    def words(self, wall: str) -> str:
+        """Return a clause: which wall is torn, how far and where, and whether it leaks."""
+        leak = "; leaks" if self.leaks else ""
+        return f"{wall} torn to {self.depth:.2g} of its section at {self.station:.1f} mm{leak}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +65,7 @@ class Reading:
     energy: EnergyBalance = NO_ENERGY  # of a beam in space
     stress_ratios: tuple[float, ...] = ()  # T, of each tube in space
     fluids: tuple[FluidReading, ...] = ()  # in tubes that have any
-    nicked: tuple[float, ...] = ()  # T, how deep each is torn, of its height: below 1 in part
+    nicks: tuple[NickReading, ...] = ()  # of tubes that have not parted
 
     @classmethod
     def of_one(

@@ -31,7 +31,7 @@ from app.simulation.inputs import (
     Instrument,
 )
 from app.simulation.preset import OrganBeam
-from app.simulation.reading import FluidReading, Reading, Vector
+from app.simulation.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.run_file import (
     ELEMENTS,
     HANDS,
@@ -666,23 +666,46 @@ class SpatialTissue:
     def _nick(self, tube: int, worst: WorstStress, station: float, hand: int | None) -> bool:
         """Let a tear go on for a tick; return False where it is through."""
         beam, name = self.beam, self.tubes.names[tube]
-        wall = self.tubes.dissections[tube].preset
         nicks = len(beam.nicks_of(name))
-        depth = beam.nick(worst, (wall.tear_mm_per_s or math.inf) * TICK_SECONDS, name)
+        speed = self.tubes.tear_speeds.get(name, math.inf)
+        depth = beam.nick(worst, speed * TICK_SECONDS, name)
         if depth >= DEEPEST:
             return False
         self._still = False
         self.nicked[tube] = max(self.nicked[tube], depth)
         if len(beam.nicks_of(name)) > nicks:
             self._note("nick", tube, station, hand)
-        if isinstance(wall.beam, OrganBeam) and (thick := wall.beam.wall_mm) is not None:
-            # Out of a hole as wide as the tear is deep beyond the wall.
-            for nick in beam.nicks_of(name):
-                through = nick.depth * nick.height - thick
-                for flow in self.fluids.values():
-                    if through > 0.0 and name in flow.tubes:
-                        flow.nick(nick.station, name, 0.5 * through, thick)
+        # Out of a hole as wide as the tear is deep beyond the wall.
+        for nick in beam.nicks_of(name):
+            thick = self._thickness(tube)
+            through = nick.depth * nick.height - thick
+            for flow in self.fluids.values():
+                if through > 0.0 and name in flow.tubes:
+                    flow.nick(nick.station, name, 0.5 * through, thick)
         return True
+
+    def _thickness(self, tube: int) -> float:
+        """Return how thick a tube's wall is, mm; without bound where nothing is said of it."""
+        beam = self.tubes.dissections[tube].preset.beam
+        thick = beam.wall_mm if isinstance(beam, OrganBeam) else None
+        return math.inf if thick is None else thick
+
+    def nicks(self) -> list[NickReading]:
+        """Return the tears that go part of the way through tubes."""
+        return [
+            NickReading(
+                tube,
+                nick.station / self.tubes.surfaces[tube].scale,
+                nick.side,
+                nick.depth,
+                nick.depth * nick.height,
+                nick.reach,
+                nick.depth * nick.height > self._thickness(tube),
+            )
+            for tube, name in enumerate(self.tubes.names)
+            if 0.0 < self.nicked[tube] < 1.0
+            for nick in self.beam.nicks_of(name)
+        ]
 
     def _hand_at(self, tube: int, station: float) -> int | None:
         """Return the hand that holds a tube, or else the nearest that pulls or presses."""
@@ -784,7 +807,7 @@ class SpatialTissue:
             freed=self.freed,
             energy=beam.energy,
             stress_ratios=tuple(self.stress_ratios),
-            nicked=tuple(self.nicked),
+            nicks=tuple(self.nicks()),
             fluids=tuple(
                 FluidReading(name, 1e-3 * flow.lost, 1e-3 * flow.left, 1e-3 * flow.rate)
                 for name, flow in self.fluids.items()
@@ -801,7 +824,7 @@ class SpatialTissue:
             *(f"hand_{hand + 1}_{name}" for hand in range(HANDS) for name in by_hand),
             "freed_mm", "strands_broken", "stress_ratio",
             "work_mJ", "stored_mJ", "dissipated_mJ", "torn",
-            *(f"{name}_nicked" for name in self._nicking),
+            *(f"{name}_nick{end}" for name in self.tubes.tear_speeds for end in ("ed", "_mm")),
             *(
                 f"{name}_{figure}"
                 for name in self._others
@@ -832,7 +855,7 @@ class SpatialTissue:
             energy.stored,
             energy.dissipated,
             int(self.torn is not None),
-            *(self.nicked[self.tubes.names.index(name)] for name in self._nicking),
+            *(depth for name in self.tubes.tear_speeds for depth in self._depths(name)),
             *(
                 figure
                 for tube, name in enumerate(self.tubes.names)
@@ -851,11 +874,10 @@ class SpatialTissue:
         """Names of tubes of which a table has figures of their own: where there are several."""
         return self.tubes.names if len(self.tubes.names) > 1 else ()
 
-    @property
-    def _nicking(self) -> tuple[str, ...]:
-        """Names of the tubes whose walls do not tear at once."""
-        each = zip(self.tubes.names, self.tubes.dissections, strict=True)
-        return tuple(name for name, duct in each if duct.preset.tear_mm_per_s is not None)
+    def _depths(self, name: str) -> tuple[float, float]:
+        """Return how deep a tube is torn, of its height and mm."""
+        deepest = max((each.depth * each.height for each in self.beam.nicks_of(name)), default=0.0)
+        return self.nicked[self.tubes.names.index(name)], deepest
 
     def held_place(self, hand: int) -> Vector | None:
         """Return where a hand holds the duct, mm, or None."""

@@ -62,6 +62,14 @@ class Tubes:
         return tuple(self.network.tubes)
 
     @cached_property
+    def tear_speeds(self) -> dict[str, float]:
+        """How fast a tear crosses the wall, mm/s, of the tubes that do not part at once."""
+        speeds = zip(
+            self.names, (each.preset.tear_mm_per_s for each in self.dissections), strict=True
+        )
+        return {name: speed for name, speed in speeds if speed is not None}
+
+    @cached_property
     def strands_of(self) -> tuple[NDArray[np.int64], ...]:
         """Of each tube the numbers of the strands that hold it."""
         return tuple(np.flatnonzero(self.strands.tubes == each) for each in range(len(self.names)))

@@ -375,6 +375,15 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "Press on it first, then look, and then close it.",
         ),
         ErrorClass(
+            "nick", "Wall nicked", 7,
+            "the wall of a duct or of another tube tears part of the way, where it does not part "
+            "at once",
+            "at {t:.1f} s the wall of the {name} tore to {s:.2g} of its section at {x:.0f} "
+            "mm{leak}",
+            "Ease the pull as soon as the wall gives, and hold it elsewhere: at three quarters it "
+            "parts.",
+        ),
+        ErrorClass(
             "tear", "A tube tore", 7,
             "the stress in the wall of a duct or of another tube has reached its threshold",
             "at {t:.1f} s the {name} tore at {x:.0f} mm",

@@ -13,8 +13,8 @@ __all__ = ["Consequence", "Incident", "Incidents", "Values"]
 
 Consequence = Literal["none", "near miss", "minor", "injury"]
 """Measured, up to 1 s after an incident. Near miss: the stress passed the exercise's limit, or the
-break was nearer than a reaction time; minor: strands parted out of sight; injury: a tube tore. A
-bleeding is minor up to 2 ml of blood, and an injury beyond."""
+break was nearer than a reaction time; minor: strands parted out of sight, or a wall tore in part;
+injury: a tube tore, or leaks. A bleeding is minor up to 2 ml of blood, and an injury beyond."""
 CONSEQUENCES: tuple[Consequence, ...] = ("none", "near miss", "minor", "injury")
 Values = dict[str, float | str]
 

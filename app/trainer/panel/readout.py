@@ -75,6 +75,8 @@ def readout_html(reading: Reading, state: str = "", spread: Spread | None = None
     if broken or reading.stress_ratio > 0.005:
         what = "Tore" if broken else "Highest stress"
         place = f"{what} {reading.check.station:.1f} mm from the left clamp"
+    if reading.nicks and not broken:
+        place = max(reading.nicks, key=lambda each: each.depth).words("Wall")
     return (
         f"<div data-testid='readout' data-phase='{reading.phase.value}'{figures}{head}"
         f"<div data-testid='worst' style='font-size:12px;opacity:.85'>{place}.</div>"
@@ -145,8 +147,9 @@ def _cells(reading: Reading) -> list[str]:
             for hand, force in zip(HANDS, reading.forces, strict=True)
         ),
     ]
-    if nick := max(reading.nicked, default=0.0):
-        hands[0] = _cell(term("Torn", NICKED), f"{100.0 * min(nick, 1.0):.0f}", "% of the wall")
+    if reading.nicks:
+        deepest = max(each.depth for each in reading.nicks)
+        hands[0] = _cell(term("Torn", NICKED), f"{100.0 * deepest:.0f}", "% of the wall")
     if not reading.strands:
         return hands + stresses
     energy = reading.energy

@@ -237,10 +237,8 @@ class ScopePanel:
               for each in reading.fluids),
         ]  # fmt: skip
         names = self._state.shown.spatial.tubes.names
-        for name, deep in zip(names, reading.nicked, strict=True):
-            if not hidden and 0.0 < deep < 1.0:
-                wall = tube_title(name)
-                rows.append((f"Nicked: {wall}", f"{100.0 * deep:.0f} % through"))
+        if not hidden:
+            rows += [("Nicked", each.words(tube_title(names[each.tube]))) for each in reading.nicks]
         if torn:
             rows.append(
                 (

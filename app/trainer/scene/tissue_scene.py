@@ -135,6 +135,8 @@ class TissueScene:
                 drawn.contact.mark(drawn.surface.vertices, *hooks)
                 if rods is not None:
                     drawn.contact.press_rods(rods, self._first)
+                for nick in reading.nicks:
+                    drawn.contact.open_nick(nick.station, nick.side, nick.depth)
             self._show(None if colours == "tissue" else self.values(colours))
             self._annotations.draw(session, reading, figures=figures, overlay=overlay)
 

@@ -48,6 +48,15 @@ def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, pose: Pose) -> Non
         _at_events(tissue, "clip"),
         torn,
         (1e3 * tissue.pooled_ml("blood"), 1e3 * tissue.pooled_ml("bile")),
+        [
+            (
+                each.tube,
+                _in_elements(tissue, each.tube, each.station),
+                math.atan2(-each.side[1], each.side[0]),
+                each.depth,
+            )
+            for each in tissue.nicks()
+        ],
     )
 
 
@@ -77,10 +86,15 @@ def _at_events(tissue: SpatialTissue, kind: EventKind) -> list[tuple[int, float]
     for event in tissue.events:
         if event.kind == kind:
             number = tissue.tubes.names.index(event.tube)
-            at = event.station * tissue.tubes.surfaces[number].scale
-            stations = tissue.beam.stations_of(event.tube)
-            out.append((number, float(np.interp(at, stations, np.arange(stations.size)))))
+            out.append((number, _in_elements(tissue, number, event.station)))
     return out
+
+
+def _in_elements(tissue: SpatialTissue, tube: int, station: float) -> float:
+    """Return a place along a tube, mm from its first end, in elements."""
+    at = station * tissue.tubes.surfaces[tube].scale
+    stations = tissue.beam.stations_of(tissue.tubes.names[tube])
+    return float(np.interp(at, stations, np.arange(stations.size)))
 
 
 def _roll(trocar: Trocar, hand: Hand) -> float:

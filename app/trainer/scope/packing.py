@@ -20,6 +20,7 @@ __all__ = [
     "CLIPS",
     "HANDS",
     "HEADER",
+    "NICKS",
     "TEARS",
     "WELLS",
     "DrawnHand",
@@ -30,11 +31,11 @@ __all__ = [
 
 Floats32 = NDArray[np.float32]
 
-HEADER = 72
-HANDS, WELLS, CLIPS, TEARS = 2, 4, 8, 4
-"""Of a frame at most: hands, places where something flows out, clips, and torn elements."""
+HEADER = 84
+HANDS, WELLS, CLIPS, TEARS, NICKS = 2, 4, 8, 4, 4
+"""Of a frame at most: hands, places where something flows out, clips, torn elements, and nicks."""
 # Where they begin in the header, and how many numbers each has.
-POSE, POOL, HAND, WELL, CLIP, TEAR = 0, 6, 8, 24, 44, 60
+POSE, POOL, HAND, WELL, CLIP, TEAR, NICK = 0, 6, 8, 24, 44, 60, 68
 NODE_NUMBERS = 6
 # How taut, from fully slack to parting: -0.5 to 1 becomes 1 to 1001, and 0 is parted.
 STEPS = 1000
@@ -83,12 +84,14 @@ class Packing:
         clips: Sequence[tuple[int, float]] = (),
         torn: Sequence[tuple[int, int]] = (),
         pools: tuple[float, float] = (0.0, 0.0),
+        nicks: Sequence[tuple[int, float, float, float]] = (),
     ) -> None:
         """Write a frame; the scope's `angle` is in rad.
 
         `clips` are a tube's number and a place along it in elements, `torn` a tube's number and the
-        element's, `pools` blood and bile that lie in the field, mm^3. Of what there are too many,
-        the last are drawn.
+        element's, `pools` blood and bile that lie in the field, mm^3. `nicks` are a tube's number,
+        a place along it in elements, an angle round it from up, rad, and a depth, of its height.
+        Of what there are too many, the last are drawn.
         """
         head = self._head
         head[:] = 0.0
@@ -107,6 +110,8 @@ class Packing:
         for start, rows, most in ((CLIP, clips, CLIPS), (TEAR, torn, TEARS)):
             for i, (tube, place) in enumerate(rows[-most:]):
                 head[start + 2 * i : start + 2 * i + 2] = tube + 1, place
+        for i, (tube, *nick) in enumerate(nicks[-NICKS:]):
+            head[NICK + 4 * i : NICK + 4 * i + 4] = tube + 1, *nick
         _WRITE(bed.state, self._nodes, self._strands)
 
 

@@ -150,9 +150,10 @@ class ScopePicture:
         clips: Sequence[tuple[int, float]] = (),
         torn: Sequence[tuple[int, int]] = (),
         pools: tuple[float, float] = (0.0, 0.0),
+        nicks: Sequence[tuple[int, float, float, float]] = (),
     ) -> None:
         """Send a frame, if it differs from the last; see `Packing.write`."""
-        self._packing.write(bed, pose, self._scope.angle, hands, wells, clips, torn, pools)
+        self._packing.write(bed, pose, self._scope.angle, hands, wells, clips, torn, pools, nicks)
         stream(self._mesh, "vertices", self._packing.numbers)
 
     def remove(self) -> None:

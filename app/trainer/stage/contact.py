@@ -35,6 +35,10 @@ JAW_FADE = 0.85
 SINK_AT_REST, SINK_AT_BREAK = 0.02, 0.20
 # Light that is left on the wall in the angle below a jaw.
 JAW_SHADE = 0.62
+# Half the width of a tear that begins, and how much wider it gets as it goes through, in radii.
+GAP, GAPES = 0.25, 0.5
+RAW = 0.85
+"""Light on the face of a tear."""
 # Largest gap between a clamp and the wall's end that a stub bridges, in radii.
 STUB_SLACK = 0.3
 # Orders of waves around a ring over which the smoothing fades them out.
@@ -85,7 +89,7 @@ class Contact:
         self.skin, self.frame, self._radius = skin, frame, radius
         self._smoothing = _ring_smoothing(skin.sides, thickness)
         self.vertices = skin.vertices.copy()  # (V, 3) mm; overwritten by each `mark`
-        # (V,) light past the instruments, 0 to 1
+        # (V,) light past the instruments, 0 to 1; below zero where the wall is torn
         self.shade = np.ones(len(skin.vertices), np.float32)
         self._smooth(skin.vertices)
 
@@ -95,6 +99,8 @@ class Contact:
         offsets = self.vertices - axis
         lateral, up = frame[:, 1], frame[:, 2]
         height = offsets @ up
+        self._up, self._aside = skin.grid(height), skin.grid(offsets @ lateral)
+        self._places = skin.grid(skin.stations).mean(axis=1) - clamps[0]
         # Each half of each ring relative to its own height, so that it lies against its jaw.
         top, bottom = _ring_reach(height, skin)
         own = np.maximum(np.where(height > 0.0, top, bottom), 1e-9)
@@ -173,6 +179,27 @@ class Contact:
                     bend_radius(hook.radius),
                     wire_radius(hook.radius),
                 )
+
+    def open_nick(self, station: float, side: tuple[float, float], depth: float) -> None:
+        """Open marked vertices where the wall is torn part of the way (`NickReading`).
+
+        The wall goes down to the tear's front and has no skin there: its `shade` is below zero.
+        """
+        wide = self._radius * (GAP + GAPES * depth)
+        apart = np.abs(self._places - station)
+        near = (apart < wide) | (apart == apart.min())
+        across = side[0] * self._up[near] + side[1] * self._aside[near]
+        top = across.max(axis=1, keepdims=True)
+        beyond = across - (1.0 - 2.0 * depth) * top
+        # As wide at the skin as it is open there, and closed at its front.
+        closes = 1.0 - (apart[near, None] / wide) ** 2
+        torn = np.clip(np.minimum(beyond, closes * beyond), 0.0, None)
+        rings, shades = self.skin.grid(self.vertices), self.skin.grid(self.shade)
+        placed = rings[near]
+        out = placed[np.arange(len(placed)), across.argmax(axis=1)] - placed.mean(axis=1)
+        out /= np.linalg.norm(out, axis=1, keepdims=True)
+        rings[near] = placed - torn[..., None] * out[:, None]
+        shades[near] = np.where(torn > 0.0, -RAW * np.abs(shades[near]), shades[near])
 
     def press_rods(self, rods: NDArray[np.float64], origin: NDArray[np.float64]) -> None:
         """Press marked vertices in by rods, as `physics.bed` has them, in the frame of `origin`."""

@@ -308,7 +308,10 @@
               shade = 0.5 * (shade + work[e + 3]);
             } else for (let k = 0; k < 3; k++) position[to + k] = work[b + k];
             if (stress) color[to] = inside ? -1 : shade;
-            else for (let k = 0; k < 3; k++) color[to + k] = shade * tint[k];
+            else {
+              const tone = shade < 0 ? wear.torn : tint;
+              for (let k = 0; k < 3; k++) color[to + k] = Math.abs(shade) * tone[k];
+            }
           }
         }
         const sign = outwards ? 1 : -1;

@@ -94,6 +94,8 @@ class RefinedSurface:
         sRGB of the surface in a page that does not know the material.
     raw, blood
         Linear light of torn wall, and of the blood that soaks it, if any.
+    torn
+        Linear light that colours are multiplied with where the light is below zero: torn wall.
     towards_viewer
         (3,) direction from the surface in which the stress's colours are those of the map.
     """
@@ -109,6 +111,7 @@ class RefinedSurface:
         patches: Sequence[Patch],
         color: tuple[int, int, int],
         raw: Sequence[float],
+        torn: tuple[float, float, float],
         blood: Sequence[float] | None,
         towards_viewer: NDArray[np.float64],
     ) -> None:
@@ -119,8 +122,8 @@ class RefinedSurface:
         self._sent = np.zeros((count + tail, 3), np.float32)
         # (rings, sides, 3) mm, to be written before `send`
         self.places = self._sent[:count].reshape(rings, sides, 3)
-        # (rings, sides), to be written before `send`: light, 0 to 1, or stress over the threshold,
-        # 0 or more, or `NO_STRESS`
+        # (rings, sides), to be written before `send`: light, 0 to 1, below zero where the wall is
+        # torn; or stress over the threshold, 0 or more, or `NO_STRESS`
         self.shades = self._sent[count:].reshape(-1)[:count].reshape(rings, sides)
         self.shades[:] = 1.0
         faces = np.concatenate([_triangles(patch, sides) for patch in patches])
@@ -133,6 +136,7 @@ class RefinedSurface:
             "along": float32_text(along),
             "behind": float32_text(behind),
             "raw": [round(float(part), 4) for part in raw],
+            "torn": [round(part, 4) for part in torn],
             "blood": None if blood is None else [round(float(part), 4) for part in blood],
             "stress": {
                 "table": float32_text(light_table()),

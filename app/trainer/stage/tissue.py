@@ -108,6 +108,12 @@ class Tissue:
         rows.append(_stations(wall[-1], len(last), at_start=False, radius=radius))
         # The wall as one sheet with its stubs.
         patches = [Patch(tuple(range(after)), skin.right_handed)]
+        raw = dark = (1.0, 1.0, 1.0)
+        if look is not None:
+            # A tint multiplies the texture, so it is the wanted colour over the mean one.
+            base = linear_light(mean_color(look))
+            raw = tuple((linear_light(look.raw) / base).tolist())
+            dark = tuple((linear_light(look.inside) / base).tolist())
         self._inner = self._fringe = slice(after, after)
         if torn_end is not None:
             # The cut face goes from the rim to the lumen's ring, or to the centre of a solid skin.
@@ -117,12 +123,6 @@ class Tissue:
             rows.append(wall if skin.hollow else wall[[rim - before]])
             facing = skin.right_handed == (torn_end == "last")
             inside_rim = after + (inner - 1 if torn_end == "last" and skin.hollow else 0)
-            raw = dark = (1.0, 1.0, 1.0)
-            if look is not None:
-                # A tint multiplies the texture, so it is the wanted colour over the mean one.
-                base = linear_light(mean_color(look))
-                raw = tuple((linear_light(look.raw) / base).tolist())
-                dark = tuple((linear_light(look.inside) / base).tolist())
             patches.append(Patch((rim, inside_rim), facing, raw))
             if skin.hollow:
                 inside = tuple(range(after, after + inner))
@@ -148,6 +148,7 @@ class Tissue:
             patches=patches,
             color=INSIDE if look is None else mean_color(look),
             raw=linear_light(INSIDE if look is None else look.raw).tolist(),
+            torn=raw,
             blood=None if blood is None else linear_light(blood).tolist(),
             towards_viewer=contact.frame @ TOWARDS_VIEWER,
         )

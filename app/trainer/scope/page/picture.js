@@ -95,7 +95,7 @@
         const { place, wall, rings } = wallOf(tube, this.given);
         const geometry = make.geometry({ position: [new Float32Array(1.5 * place.length), 3], place: [place, 2], wall: [wall, 3] }, gridIndex(this.given.sides + 1, rings));
         const look = tube.look, own = {
-          uFirst: tube.first, uCount: tube.count, uTorn: [-1, -1], uPulse: 0, uColor: look.color, uDeep: look.deep,
+          uFirst: tube.first, uCount: tube.count, uTorn: [-1, -1], uNick: new Float32Array(8), uPulse: 0, uColor: look.color, uDeep: look.deep,
           uLook: [look.vessels, look.bumps, look.rough, look.wet], uCoat: [look.fibres, look.fat], uLump: look.lumps, uFold: look.folds,
         };
         return { tube, uniforms: this.put(geometry, this.material(["tube.vert"], ["common", "wet", "tube.frag"], own, { side: 2 }), 2).material.uniforms };
@@ -159,9 +159,18 @@
         const mine = torn.filter(([which]) => which === number).map(([, element]) => element);
         uniforms.uTorn.value = [mine.at(-1) ?? -1, mine.at(-2) ?? -1];
         tube.torn = mine;
+        const nicks = state.nicks.filter(([which]) => which === number).slice(-2);
+        uniforms.uNick.value.fill(0);
+        nicks.forEach((nick, k) => { uniforms.uNick.value.set([...nick.slice(1), this.#gap(tube, nick)], 4 * k); });
       });
       this.#fluids();
       this.#showClips();
+    }
+
+    // Half the width of a nick at the skin, in elements: it gapes as it goes through.
+    #gap(tube, [, at, , depth]) {
+      const i = clamp(Math.floor(at), 0, tube.count - 2), [a, b] = [this.state.at(tube, i), this.state.at(tube, i + 1)];
+      return a[3] * (0.25 + 0.5 * depth) / Math.hypot(...sub(a, b).slice(0, 3));
     }
 
     #drape(now) {

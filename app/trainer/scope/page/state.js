@@ -3,7 +3,7 @@
   const scope = window.bluntdissectScope;
   if (scope.State) return;
   const { clamp, mix, sub, dot, cross, unit, numbers } = scope.algebra;
-  const HEADER = 72, CLIPS = 8, TEARS = 4, NODE = 6, SLACKEST = -0.5, STEPS = 1000;
+  const HEADER = 84, CLIPS = 8, TEARS = 4, NODE = 6, SLACKEST = -0.5, STEPS = 1000;
   const POSE = ["pan", "tilt", "depth", "cable", "head", "angle"];
   const PART_MS = 350;  // that a strand takes to draw back
 
@@ -94,6 +94,11 @@
     }
     get clips() { return this.pairs(44, CLIPS); }
     get torn() { return this.pairs(60, TEARS); }
+    // Walls torn part of the way: tube, place along it in elements, angle round it, depth.
+    get nicks() {
+      const h = this.head;
+      return [68, 72, 76, 80].map(at => [h[at] - 1, h[at + 1], h[at + 2], h[at + 3]]).filter(([tube]) => tube >= 0);
+    }
 
     // (4) place and radius of a tube, s elements along it.
     at(tube, s) {

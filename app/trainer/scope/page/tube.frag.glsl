@@ -2,6 +2,7 @@
 varying vec3 vAlong;
 varying vec2 vOn;
 varying float vRim;
+varying vec4 vGap;
 uniform vec3 uColor, uDeep;
 uniform vec4 uLook;     // vessels, bumps, roughness, wetness
 uniform vec2 uCoat;     // loose fibres, and fat
@@ -31,6 +32,12 @@ void main() {
     if (uWell[k].w > 0.0) blood = max(blood, stain); else bile = max(bile, stain);
   }
   base = mix(base, vec3(0.42, 0.035, 0.03), smoothstep(0.55, 0.0, vRim + 0.25 * (t2.r - 0.5)));
+  // A nick: raw at its edge, dark within.
+  for (int k = 0; k < 2; k++) {
+    vec2 gap = k == 0 ? vGap.xy : vGap.zw;
+    float open = abs(gap.x) + 0.15 * (t2.r - 0.5) - sqrt(max(1.0 - gap.y, 0.0));
+    base = mix(base, mix(vec3(0.05, 0.004, 0.003), vec3(0.50, 0.05, 0.04), smoothstep(-0.75, -0.1, open)), smoothstep(0.12, -0.05, open));
+  }
   if (!gl_FrontFacing) base *= 0.35;
   soak(base, rough, wet, n, smoothN, blood, bile, t2.r, vec2(0.0));
   float below = mix(0.50, 1.0, smoothstep(-0.9, 0.15, smoothN.z));

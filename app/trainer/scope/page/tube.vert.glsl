@@ -7,7 +7,9 @@ uniform vec2 uTorn;  // numbers of its torn elements, -1 for none
 uniform vec4 uDent[2];  // closed jaws that press on it: place, mm, and depth
 varying vec3 vPlace, vNormal, vAlong;
 varying vec2 vOn;
+uniform vec4 uNick[2];  // walls torn part of the way: place, angle, depth (0: none), half-width
 varying float vRim;  // elements to a torn end
+varying vec4 vGap;  // of both nicks: across and along them, 1 at the edge of what is open
 vec4 node(float i, float row) { return texelFetch(uNodes, ivec2(int(uFirst + i), int(row)), 0); }
 void main() {
   float s = place.x, low = 0.0, high = uCount - 1.0;
@@ -39,6 +41,14 @@ void main() {
   // A torn end shrinks together and is uneven.
   r *= 1.0 - 0.30 * smoothstep(0.7, 0.0, vRim);
   vPlace = m.xyz + r * outward;
+  vGap = vec4(9.0);
+  for (int k = 0; k < 2; k++) if (uNick[k].z > 0.0) {
+    // What is beyond the tear's front goes down to it.
+    float front = 1.0 - 2.0 * uNick[k].z, beyond = cos(place.y - uNick[k].y) - front;
+    float across = (s - uNick[k].x) / uNick[k].w, along = 1.0 - beyond / (1.0 - front);
+    if (k == 0) vGap.xy = vec2(across, along); else vGap.zw = vec2(across, along);
+    vPlace -= r * max(beyond, 0.0) * max(1.0 - across * across, 0.0) * (cos(uNick[k].y) * up + sin(uNick[k].y) * side);
+  }
   if (vRim < 0.2) vPlace += along * 0.35 * r * sin(3.0 * place.y + 1.3) * (s > 0.5 * (low + high) ? 1.0 : -1.0);
   vec3 about = cos(place.y) * side - sin(place.y) * up;
   vNormal = normalize(outward - along * (wall.y / max(length(dm.xyz), 1e-3)) - about * (wall.z / max(wall.x, 0.05)));
