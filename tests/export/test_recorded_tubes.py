@@ -158,7 +158,6 @@ def test_meshes_at_the_end_are_closed(run_path: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["-o", "run.html"], "a page plays one duct; take a .glb or a .pvd"),
         (["-o", "run.stl", "--frames", 5], "--frames is of a file that plays the run"),
         (["-o", "run.mp4"], "its name must end so"),
         (["--frames", 5], "give -o"),
