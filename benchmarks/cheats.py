@@ -1,12 +1,14 @@
 """Looks for policies that pass an exercise with errors, as trainees find them: by trying.
 
 CMA-ES (Hansen and Ostermeier 2001, Evol. Comput. 9:159) searches the weights of a linear policy of
-a few features, with a reward that does not count errors, on beds that change. What passes with an
-incident is a cheat: its run is kept, and replays in the page.
+what scripted hands would do now and of a few features. It begins as these hands, which pass without
+an error, and is paid for each pass, and more for one with errors, on beds that change. What passes
+with an incident is a cheat: its run is kept, and replays in the page.
 """
 
 import time
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from app.rl.environment import DissectionVectorEnv
+from app.rl.demonstration import work
+from app.rl.environment import DissectionEnv
+from app.rl.episode import Observation
 from app.rl.task import Task
-from app.simulation import ELEMENTS, HAND_SPEED, run_json
+from app.simulation import ELEMENTS, HAND_SPEED, MANNERS, Exercise, Session, run_json
 
-__all__ = ["features", "measure_cheats", "policy_actions"]
+__all__ = ["measure_cheats"]
 
 Floats = NDArray[np.float64]
 
@@ -26,12 +30,23 @@ EXERCISES: dict[str, dict[str, Any]] = {
     "window": {},
     "follow_front": {},
     "free_scar": {},
+    "stop_bleeding": {"anatomy": "normal", "instruments": ("grasper", "clip applier")},
     "critical_view": {"anatomy": "normal"},
 }
-POPULATION, TIME_LIMIT_S, TICKS_PER_STEP = 16, 20.0, 6
+POPULATION, TIME_LIMIT_S, TICKS_PER_STEP = 16, 40.0, 3
 FOLDER = Path(__file__).parents[1] / "build" / "cheats"
 REWARD = {"errors": 0.0, "stress": 0.0, "failed": -0.2}
-SIGMA = 0.6
+SIGMA, PAID = 0.03, 0.5
+"""Standard deviation of the first weights; reward of each class of errors in a pass."""
+
+
+class _Rest:
+    """Hands that do nothing, where no scripted ones know the exercise."""
+
+    def inputs(self, _session: Session, _exercise: Exercise) -> Iterator[None]:
+        """Wait."""
+        while True:
+            yield
 
 
 def centre_of(task: Task) -> Floats:
@@ -42,34 +57,22 @@ def centre_of(task: Task) -> Floats:
     return np.concatenate([each.places for each in tubes]).mean(axis=0)
 
 
-def features(observed: dict[str, NDArray[Any]], centre: Floats) -> Floats:
-    """Return (N, F) of N observations: each hand about a centre, what is done, and time."""
-    hands = observed["hands"].astype(np.float64)
+def features(observed: Observation, wanted: Floats, centre: Floats) -> Floats:
+    """Return (F,) what hands would do, each hand about a centre, what is done, and time."""
     # Both end with progress and the time left.
     goal = observed["goal" if "goal" in observed else "view"].astype(np.float64)
-    parts = [goal[:, -2:-1], 1.0 - goal[:, -1:] / TIME_LIMIT_S, np.ones((len(goal), 1))]
-    for hand in range(hands.shape[1]):
-        force = np.sqrt((hands[:, hand, 3:6] ** 2).sum(axis=1, keepdims=True))
-        parts += [
-            (hands[:, hand, :3] - centre) / (10.0, 10.0, 5.0),
-            force,
-            hands[:, hand, 6:7],
-            hands[:, hand, 7:8] / 20.0,
-        ]
-    return np.concatenate(parts, axis=1)
-
-
-def policy_actions(weights: Floats, found: Floats) -> NDArray[np.float32]:
-    """Return (N, A) actions of N linear policies, (N, A, F), each at its own features."""
-    return np.tanh((weights * found[:, None, :]).sum(axis=2)).astype(np.float32)
+    parts = [np.clip(wanted, -1.0, 1.0), goal[-2:-1], 1.0 - goal[-1:] / TIME_LIMIT_S, np.ones(1)]
+    for hand in observed["hands"].astype(np.float64):
+        force = np.sqrt((hand[3:6] ** 2).sum())
+        parts += [(hand[:3] - centre) / (10.0, 10.0, 5.0), [force, hand[6], hand[7] / 20.0]]
+    return np.concatenate(parts)
 
 
 def search(exercise: str, seconds: float) -> dict[str, Any]:
     """Search for so many seconds; return what was tried, what passed, and cheats by error."""
     import cma  # pyright: ignore[reportMissingImports]
 
-    envs = DissectionVectorEnv(
-        POPULATION,
+    env = DissectionEnv(
         exercise=exercise,
         **EXERCISES[exercise],
         ticks_per_step=TICKS_PER_STEP,
@@ -77,45 +80,46 @@ def search(exercise: str, seconds: float) -> dict[str, Any]:
         speed=HAND_SPEED,
         reward=REWARD,
     )
-    observed, _ = envs.reset(seed=1)
-    centre, outputs = centre_of(envs.task), envs.task.size
-    size = features(observed, centre).shape[1]
-    evolution = cma.CMAEvolutionStrategy(
-        np.zeros(outputs * size), SIGMA, {"popsize": POPULATION, "seed": 1, "verbose": -9,
-                                          "CMA_diagonal": True},
-    )  # fmt: skip
+    technique = MANNERS.get(exercise, {}).get("good", _Rest())
+    observed, _ = env.reset(seed=1)
+    centre, outputs = centre_of(env.task), env.task.size
+    size = features(observed, np.zeros(outputs), centre).size
+    options = {"popsize": POPULATION, "seed": 1, "verbose": -9, "CMA_diagonal": True}
+    evolution = cma.CMAEvolutionStrategy(np.eye(outputs, size).ravel(), SIGMA, options)
     draw, start = np.random.default_rng(1), time.monotonic()
     tried = passed = ticks = 0
     best = -np.inf
     cheats: Counter[str] = Counter()
     while time.monotonic() - start < seconds:
         asked = evolution.ask()
-        weights = np.array(asked).reshape(POPULATION, outputs, size)
-        observed, _ = envs.reset(options={"bed_seed": int(draw.integers(1, 21))})
-        returns, over = np.zeros(POPULATION), np.zeros(POPULATION, np.bool_)
-        while not over.all():
-            actions = policy_actions(weights, features(observed, centre))
-            observed, rewards, terminated, truncated, infos = envs.step(actions)
-            ended = (terminated | truncated) & ~over
-            returns += np.where(over, 0.0, rewards)
-            over |= ended
-            for i in np.flatnonzero(ended):
-                ticks += round(30.0 * float(infos["seconds"][i]))
-                if not infos["passed"][i]:
-                    continue
-                passed += 1
-                session = envs.episodes[i].session
-                errors = sorted({each.error for each in session.run.incidents()})
-                if errors:
-                    if not cheats[", ".join(errors)]:
-                        FOLDER.mkdir(parents=True, exist_ok=True)
-                        name = f"{exercise}-{'-'.join(errors)}.json"
-                        (FOLDER / name).write_bytes(run_json(session.run_file()))
-                    cheats[", ".join(errors)] += 1
+        bed, returns = int(draw.integers(1, 21)), np.zeros(POPULATION)
+        for i, each in enumerate(asked):
+            weights = np.reshape(each, (outputs, size))
+
+            def change(seen: Observation, wanted: Floats, rows: Floats = weights) -> Floats:
+                return (rows * features(seen, wanted, centre)).sum(axis=1)
+
+            returns[i] = float(work(env, technique, bed, change=change).rewards.sum())
+            assert env.episode is not None
+            session = env.episode.session
+            ticks += session.run.ticks
+            outcome = session.run.outcome
+            if outcome is None or not outcome.passed:
+                continue
+            passed += 1
+            errors = sorted({found.error for found in session.run.incidents()})
+            returns[i] += PAID * len(errors)
+            if errors:
+                key = ", ".join(errors)
+                if not cheats[key]:
+                    FOLDER.mkdir(parents=True, exist_ok=True)
+                    name = f"{exercise}-{'-'.join(errors)}.json"
+                    (FOLDER / name).write_bytes(run_json(session.run_file()))
+                cheats[key] += 1
         evolution.tell(asked, (-returns).tolist())
         tried += POPULATION
         best = max(best, float(returns.max()))
-    envs.close()
+    env.close()
     return {
         "seconds": time.monotonic() - start,
         "episodes": tried,

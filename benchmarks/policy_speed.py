@@ -14,6 +14,7 @@ from app.rl.episode import Episode
 from app.rl.task import Task
 from app.simulation import TICK_SECONDS
 from app.workers import cores
+from benchmarks.mujoco_duct import beside_mujoco
 
 __all__ = ["measure_policies"]
 
@@ -84,7 +85,7 @@ def _megabytes() -> float:
 
 
 def measure_policies(console: Console) -> dict[str, Any]:
-    """Print and return how fast environments go, and the memory of a bed."""
+    """Print and return how fast environments go, the memory of a bed, and MuJoCo beside us."""
     with console.status("Timing environments ..."):
         alone, megabytes = _alone(), _megabytes()
         tubes = _alone(anatomy="normal", exercise="critical_view")
@@ -93,6 +94,7 @@ def measure_policies(console: Console) -> dict[str, Any]:
             for count in COUNTS
             for threads in sorted({1, cores()})
         }
+        peer = beside_mujoco()
     fraction = 1.0 - alone["physics_ms"] / alone["tick_ms"]
     console.print(
         f"One environment: {alone['ticks_per_cpu_second']:,.0f} ticks of 1/30 s a second of one "
@@ -115,4 +117,18 @@ def measure_policies(console: Console) -> dict[str, Any]:
             f"{each['cores_used']:.2f} cores",
             highlight=False,
         )
-    return {"alone": alone, "tubes": tubes, "megabytes": megabytes, "side_by_side": found}
+    console.print(
+        f"MuJoCo: {peer['note']}"
+        if "note" in peer
+        else f"MuJoCo {peer['mujoco']} with {peer['tendons']} tendons and {peer['freedoms']} "
+        f"freedoms: {peer['mujoco_us']:,.0f} us a step of 1/240 s, ours {peer['ours_us']:.0f} us",
+        highlight=False,
+        soft_wrap=True,
+    )
+    return {
+        "alone": alone,
+        "tubes": tubes,
+        "megabytes": megabytes,
+        "side_by_side": found,
+        "mujoco": peer,
+    }

@@ -11,6 +11,7 @@ and looking through them again and again was a sixth of its time.
 
 import gc
 import hashlib
+import logging
 import re
 import warnings
 from collections.abc import Callable
@@ -22,7 +23,7 @@ import numba
 from numba import njit
 from numba.core import caching, config, event
 
-__all__ = ["SameTypes", "njit", "side_by_side", "sources"]
+__all__ = ["SameTypes", "njit", "say_when_compiling", "side_by_side", "sources"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -147,6 +148,15 @@ def side_by_side(kernel: F) -> F:
     return kernel
 
 
+_saying = False
+
+
+def say_when_compiling() -> None:
+    """Log a line when a kernel is next compiled, as a first start is silent for long otherwise."""
+    global _saying
+    _saying = True
+
+
 class _Compilation(event.Listener):
     """What holds while a kernel and all that it calls are compiled.
 
@@ -159,7 +169,14 @@ class _Compilation(event.Listener):
         self._collected = False
 
     def on_start(self, event: Any) -> None:
+        global _saying
         if not self._was:
+            if _saying:
+                _saying = False
+                logging.getLogger(__name__).warning(
+                    "Compiling, which takes up to some two minutes on a first start; the machine "
+                    "code is kept for later ones."
+                )
             self._collected = gc.isenabled()
             gc.disable()
         self._was.append(getattr(config, "SLP_VECTORIZE", 0))

@@ -85,11 +85,12 @@ def test_every_example_is_shown() -> None:
         "diagrams.py",
         "gallery.py",
         "clone_window.py",
+        "judge_on_workers.py",
         "refine_window.py",
         "scope_film.py",
         "scope_stills.py",
         "search_window.py",
-    }  # that draw pages and films, or learn long
+    }  # that draw pages and films, learn long, or start workers
     scripts = {path.name for path in (ROOT / "examples").glob("*.py")} - others
     assert set(EXAMPLES) == scripts
 

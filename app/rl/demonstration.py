@@ -1,6 +1,6 @@
 """Demonstrations: scripted hands of the trainer at work through an environment's actions."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import islice
 from typing import Any, NamedTuple, cast
 
@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from app.rl.environment import DissectionEnv
 from app.rl.episode import Observation
-from app.simulation import MANNERS, TICK_SECONDS, Instrument, Session
+from app.simulation import MANNERS, TICK_SECONDS, Instrument, Session, Technique
 
-__all__ = ["Demonstration", "demonstrate"]
+__all__ = ["Demonstration", "demonstrate", "work"]
 
 Floats = NDArray[np.float64]
+Change = Callable[[Observation, Floats], Floats]
+"""An observation and the action that hands would take there, to the action that is taken."""
 
 NEAR_MM = 1.0
 """How near a tip is led to where it is to take hold."""
@@ -41,11 +43,14 @@ class _Hands:
     All else is the session's. `tremor` is the standard deviation of each target, mm.
     """
 
-    def __init__(self, env: DissectionEnv, tremor: float, seed: int) -> None:
-        assert env.episode is not None  # noqa: S101 (made by `demonstrate`)
+    def __init__(
+        self, env: DissectionEnv, seen: Observation, tremor: float, seed: int, change: Change | None
+    ) -> None:
+        assert env.episode is not None  # noqa: S101 (made by `work`)
         self._env, self._session = env, env.episode.session
+        self._seen, self._change = seen, change
         self._tremor, self._draw = tremor, np.random.default_rng(seed)
-        self._hold = [False] * env.task.hands
+        self._hold, self._use = [False] * env.task.hands, [False] * env.task.hands
         self._places: list[Floats] = [each.target.copy() for each in self._mine]
         self._openings = [0.0] * env.task.hands
         self.steps: list[tuple[Observation, NDArray[np.float32], float]] = []
@@ -95,6 +100,10 @@ class _Hands:
         """Open jaws."""
         self._openings[hand] = opening
 
+    def clip(self, hand: int) -> None:
+        """Clip with the next step."""
+        self._use[hand] = True
+
     def step(self) -> None:
         """Do a step towards what is asked for."""
         task = self._env.task
@@ -104,11 +113,16 @@ class _Hands:
             holder = self._mine[hand]
             shaken = place + self._tremor * self._draw.standard_normal(3)
             opened = self._openings[hand] - holder.target_opening
-            rows.append(
-                [*((shaken - holder.target) / most), opened / most, 2.0 * self._hold[hand] - 1.0]
-            )
-        action = np.clip(np.array(rows), -1.0, 1.0).astype(np.float32).ravel()
+            used = [2.0 * self._use[hand] - 1.0] if task.several else []
+            grip = 2.0 * self._hold[hand] - 1.0
+            rows.append([*((shaken - holder.target) / most), opened / most, grip, *used])
+        self._use = [False] * task.hands
+        wanted = np.array(rows).ravel()
+        if self._change is not None:
+            wanted = self._change(self._seen, wanted)
+        action = np.clip(wanted, -1.0, 1.0).astype(np.float32)
         observed, reward, terminated, truncated, _ = self._env.step(action)
+        self._seen = observed
         self.steps.append((observed, action, reward))
         if terminated or truncated:
             raise _OverError
@@ -146,9 +160,21 @@ def demonstrate(
         raise ValueError(f"{exercise.title} has hands that are {', '.join(known)}, got {manner!r}")
     if env.task.free_choice or env.task.hands < 2:
         raise ValueError("demonstrations need two hands with instruments that are not free")
+    return work(env, known[manner], bed_seed, tremor=tremor)
+
+
+def work(
+    env: DissectionEnv,
+    technique: Technique,
+    bed_seed: int,
+    *,
+    tremor: float = 0.0,
+    change: Change | None = None,
+) -> Demonstration:
+    """Let a technique work in the bed of a seed; `change` may alter each of its actions."""
     observed, _ = env.reset(options={"bed_seed": bed_seed})
-    hands = _Hands(env, tremor, bed_seed)
-    script = known[manner].inputs(cast(Session, hands), exercise)
+    hands = _Hands(env, observed, tremor, bed_seed, change)
+    script = technique.inputs(cast(Session, hands), env.task.seeded(bed_seed))
     try:
         while _several(script, env.task.ticks_per_step):
             hands.step()

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from app.rl.episode import Episode, Observation
 from app.rl.task import Task
 from app.simulation import TICKS_PER_SECOND, RunFile
+from kernel_cache import say_when_compiling
 
 __all__ = ["DissectionEnv", "DissectionVectorEnv"]
 
@@ -64,6 +65,7 @@ class DissectionEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": TICKS_PER_SECOND}  # noqa: RUF012
 
     def __init__(self, *, render_mode: str | None = None, **arguments: Any) -> None:
+        say_when_compiling()
         self.task = Task(**arguments)
         self.metadata = self.metadata | {"render_fps": self.task.steps_per_second}
         self.render_mode = render_mode
@@ -137,6 +139,7 @@ class DissectionVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[An
         if threads is not None and threads < 1:
             raise ValueError(f"threads must be 1 or more, got {threads}")
         self.num_envs, self.render_mode = num_envs, render_mode
+        say_when_compiling()
         self.task = Task(**arguments)
         self.metadata = self.metadata | {"render_fps": self.task.steps_per_second}
         self.episodes = [Episode(self.task) for _ in range(num_envs)]

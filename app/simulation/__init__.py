@@ -69,7 +69,7 @@ from app.simulation.run_file import (
     run_json,
 )
 from app.simulation.safety import Safety
-from app.simulation.scripted_hands import CAREFUL, MANNERS, perform
+from app.simulation.scripted_hands import CAREFUL, MANNERS, Technique, perform
 from app.simulation.seen import Seen, Sights
 from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
 from app.simulation.sight import FIELD_OF_VIEW, TOWARDS_VIEWER
@@ -188,6 +188,7 @@ __all__ = [
     "SurfaceMapping",
     "SurfaceStress",
     "SwingingChain",
+    "Technique",
     "Tenting",
     "TheoryChoice",
     "Tissue",

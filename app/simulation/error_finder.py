@@ -27,6 +27,7 @@ __all__ = ["ErrorFinder"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bytes = NDArray[np.int8]
 Span = tuple[float, float]
 
 # Ticks over which an instrument's speed and a slow shift of jaws are taken.
@@ -522,7 +523,7 @@ def _safety_of(tissue: SpatialTissue) -> Safety | None:
 
 
 @njit(cache=True)
-def _count(damage: Floats, before: Floats, side: Ints, rods: Ints, out: Ints) -> None:
+def _count(damage: Floats, before: Floats, side: Bytes, rods: Ints, out: Ints) -> None:
     """Count the strands that parted, that are being parted and that touch, and keep the damage.
 
     `rods` are those of each hand, (H, 2), -1 for none; `out` is (H + 1, 3), by hand and of all.

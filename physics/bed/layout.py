@@ -48,10 +48,9 @@ IN_PLANE = 2 + 8 + 32
 # Part of an element's shear flexibility that stands for bending within it, from which on it is
 # stretched along its chord.
 THIN = 0.5
-WHOLE_NUMBERS = (
-    "held", "first_block", "blocks", "product", "ends", "first", "pair", "side", "side_before",
-)  # fmt: skip
-"""Names of a state's arrays of whole numbers."""
+WHOLE_NUMBERS = ("held", "first_block", "blocks", "product", "ends", "first", "pair")
+SMALL_NUMBERS = ("side", "side_before")
+"""Names of a state's arrays of whole numbers, and of those that fit a byte."""
 
 
 @dataclass(slots=True, eq=False)
@@ -322,10 +321,9 @@ def shapes(rest: Rest, rods: int = 0, relaxation: Relaxing = AT_ONCE) -> Shapes:
         "memory": (kernels.SPRING + branches, strands * count),
         "wall_memory": (kernels.OVER + branches, walls * 6 * elements), "sums": (kernels.SUM_ROWS,),
     }  # fmt: skip
-    return {
-        name: (sizes[name], np.int64 if name in WHOLE_NUMBERS else np.float64)
-        for name in kernels.State._fields
-    }
+    types: dict[str, Any] = dict.fromkeys(WHOLE_NUMBERS, np.int64)
+    types |= dict.fromkeys(SMALL_NUMBERS, np.int8)
+    return {name: (sizes[name], types.get(name, np.float64)) for name in kernels.State._fields}
 
 
 def state_of(

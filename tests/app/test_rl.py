@@ -1,6 +1,8 @@
 """Environments of Gymnasium: its own checkers, the same bits alone and side by side, bad input."""
 
 import math
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -33,6 +35,7 @@ ROOT = Path(__file__).parents[2]
         {"observation": "both", "picture": (16, 1024)},
         {"observation": "pixels", "camera": ((0.0, -90.0, 9.0), (9.0, 0.0, 0.0))},
         {"anatomy": "normal", "exercise": "critical_view", "instruments": "free"},
+        {"anatomy": "normal", "exercise": "stop_bleeding", "observation": "both", "hands": 1},
         {"hands": 1, "instruments": ("swab",), "reward": {"errors": 0.0}, "time_limit": 3600.0},
     ],
 )
@@ -213,6 +216,19 @@ def test_a_vector_environment_starts_anew_with_the_next_step() -> None:
 def test_arguments_that_make_no_sense_are_named(arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         gymnasium.make(ID, **arguments)
+
+
+def test_a_first_start_says_that_it_compiles() -> None:
+    """In a process of its own, with a kernel of which no machine code is kept."""
+    code = (
+        "import gymnasium, app.rl; from kernel_cache import njit;"
+        'gymnasium.make("bluntdissect/Dissection-v0");'
+        "njit(lambda x: x + 1)(1.0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stderr.count("Compiling, which takes up to some two minutes") == 1
 
 
 def test_bad_actions_and_calls_get_gymnasium_s_errors() -> None:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -110,6 +111,17 @@ def test_a_dask_cluster_makes_the_same_files(made: Path, tmp_path: Path) -> None
         for name in ("part-0.parquet", "metadata.json"):
             mine = tmp_path / "data" / str(number) / name
             assert mine.read_bytes() == (made / "data" / str(number) / name).read_bytes()
+
+
+@pytest.mark.long
+def test_the_example_judges_on_two_workers_as_here() -> None:
+    pytest.importorskip("distributed")
+    done = subprocess.run(
+        [sys.executable, "examples/judge_on_workers.py", "--workers", "2", "--beds", "21-23"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.startswith("3 of 3 beds passed; the same here: True\n")
+    assert "on 2 workers" in done.stdout
 
 
 @pytest.mark.long

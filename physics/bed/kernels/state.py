@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from physics.bed.kernels.vectors import Floats, Ints, inner
+from physics.bed.kernels.vectors import Bytes, Floats, Ints, inner
 
 # Rows of `strand`.
 ARM_X, ARM_Y, ARM_Z, FOOT_X, FOOT_Y, FOOT_Z, STIFF, LENGTH, YIELD, FAILURE, BILATERAL = range(11)
@@ -104,7 +104,7 @@ class State(NamedTuple):
     thick: Floats  # (N, 3) radius, mm, contact stiffness, N/mm, and reach of rods, mm
     rods: Floats  # (M, ROD_ROWS) mm
     # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch; `NO_CONTACT`
-    side: Ints
+    side: Bytes
     pull: Floats  # (M, 3) forces of hands on rods, N
     press: Floats  # (M, 3) their part against the beam itself, N
     section: Floats  # (E, 11)
@@ -135,7 +135,7 @@ class State(NamedTuple):
     g_middle: Floats  # (N, 6) both half-way
     pull_middle: Floats
     damage_before: Floats  # (S,)
-    side_before: Ints  # (M, S)
+    side_before: Bytes  # (M, S)
     damage_ahead: Floats  # (S,) of the tick that is assembled ahead
     branch: Floats  # (2, R, 4) of strands and walls the branches by which they relax
     # What these remember, see `relaxation`; no columns and no elements where nothing relaxes.
@@ -153,7 +153,7 @@ def copy_values(to: Floats, of: Floats) -> None:
 
 
 @inner
-def copy_rows(to: Floats | Ints, of: Floats | Ints) -> None:
+def copy_rows(to: Floats | Bytes, of: Floats | Bytes) -> None:
     """Copy a table."""
     for n in range(of.shape[0]):
         for r in range(of.shape[1]):

@@ -32,6 +32,7 @@ Floats = NDArray[np.float64]
 
 
 Ints = NDArray[np.int64]
+Bytes = NDArray[np.int8]
 
 
 Three = tuple[float, float, float]
