@@ -43,7 +43,7 @@ SIGMA, PAID = 0.03, 0.5
 class _Rest:
     """Hands that do nothing, where no scripted ones know the exercise."""
 
-    def inputs(self, _session: Session, _exercise: Exercise) -> Iterator[None]:
+    def inputs(self, session: Session, exercise: Exercise) -> Iterator[None]:
         """Wait."""
         while True:
             yield
