@@ -25,7 +25,7 @@ from app.simulation.exercise_limits import exercises_offered
 from app.simulation.exercise_table import EXERCISES
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import HAND_SPEED, Grasper, Load
-from app.simulation.hand import Hand
+from app.simulation.hand import GRIP_N, Hand
 from app.simulation.held_pull import pull_and_hold
 from app.simulation.inputs import (
     ALL_INSTRUMENTS,
@@ -106,6 +106,7 @@ __all__ = [
     "FEW",
     "FIELD_OF_VIEW",
     "FRONT_SECONDS",
+    "GRIP_N",
     "HANDS",
     "HAND_SPEED",
     "HOLDING",

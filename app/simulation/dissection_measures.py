@@ -12,6 +12,7 @@ from app.simulation.critical_view import CriticalView
 from app.simulation.error_finder import ErrorFinder
 from app.simulation.errors import Incidents
 from app.simulation.exercise import Exercise
+from app.simulation.inputs import SCOPE_NUMBERS
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import HANDS
 from app.simulation.safety import Safety
@@ -25,8 +26,6 @@ Floats = NDArray[np.float64]
 
 BESIDE_MM = 2.0
 """mm next to a free stretch whose strands are counted."""
-SCOPE_NUMBERS = 12
-"""Of a view through a scope, before its horizon."""
 LEAST_FORCE = 1e-3
 """N. A smaller force has no direction worth measuring."""
 

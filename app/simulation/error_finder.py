@@ -17,9 +17,11 @@ from app.simulation.clock import REACTION_SECONDS, TICK_SECONDS
 from app.simulation.errors import Conditions, Incidents
 from app.simulation.errors.incidents import Consequence
 from app.simulation.errors.pace import PULL_TICKS, Pace
-from app.simulation.hand import Hand
+from app.simulation.hand import MEAN_PULL, Hand
+from app.simulation.inputs import SCOPE_NUMBERS
 from app.simulation.run_file import HANDS
 from app.simulation.safety import Safety
+from app.simulation.sight import in_picture
 from app.simulation.spatial_tissue import LEAST_FLOW, Event, SpatialTissue
 from kernel_cache import SameTypes, njit
 
@@ -32,12 +34,12 @@ Span = tuple[float, float]
 
 # Ticks over which an instrument's speed and a slow shift of jaws are taken.
 TIP_TICKS, SHIFT_TICKS = 3, 8
-MEAN_PULL = 0.1
-"""Part by which the mean pull nears that of a tick: a mean over 0.3 s."""
 TURN_MM = 2.0
 """mm by which a tip that goes back turns, and within which two holds are at one place."""
 SERIOUS_ML = 2.0
 """mm^3/s below which nothing flows; ml of blood beyond which a bleeding is an injury, a choice."""
+LEAST_SPEED = 1.0
+"""mm/s below which a hand that holds still trembles."""
 VIEW_TICKS = 10
 """Ticks from one look at the critical view to the next."""
 SAME = 1e-6
@@ -48,17 +50,17 @@ class _Watch:
     """What is known of a hand's last seconds."""
 
     __slots__ = (
-        "events", "events_start", "extremes", "front_away", "heading", "held_at", "highest",
-        "holds", "instrument", "judged", "leaning", "most", "places", "presses", "pull",
-        "recent_holds", "turns",
+        "events", "events_start", "extremes", "front_away", "heading", "held_at",
+        "highest", "holds", "instrument", "judged", "leaning", "most", "places", "presses", "pull",
+        "recent_holds", "slips", "turns", "unseen",
     )  # fmt: skip
 
     def __init__(self, hand: Hand) -> None:
-        self.instrument, self.holds = hand.instrument, hand.holds
+        self.instrument, self.holds, self.slips = hand.instrument, hand.holds, hand.slips
         self.places: deque[tuple[float, float, float, float]] = deque(maxlen=SHIFT_TICKS + 1)
         self.stand(hand)
         self.pull = [0.0, 0.0, 0.0]
-        self.leaning = 0  # ticks
+        self.leaning = self.unseen = 0  # ticks
         self.recent_holds: deque[tuple[int, float]] = deque()
         self.held_at = self.highest = self.most = 0.0
         self.front_away: float | None = None
@@ -149,6 +151,7 @@ class ErrorFinder:
         stress = duct.stress_ratio
         self._pace.take(stress)
         forces: list[list[float]] = duct.forces.tolist()
+        pull = incidents.limits["out_of_view"]["pull"]
         holding = 0
         dissecting = [False] * HANDS
         for i, hand in enumerate(duct.hands):
@@ -163,6 +166,12 @@ class ErrorFinder:
         parted = counts[HANDS][0]
         for i, hand in enumerate(duct.hands):
             watch = self._watches[i]
+            if hand.slips != watch.slips:
+                watch.slips = hand.slips
+                incidents.note(
+                    "hold_slipped", i, watch.held_at, hand.pull, tube=hand.tube,
+                    x=watch.held_at, f=hand.pull, what=f"the {self._titles[hand.tube]}",
+                )  # fmt: skip
             if hand.node is not None and hand.holds != watch.holds:
                 self._take_hold(i, hand, watch)
             else:
@@ -171,6 +180,10 @@ class ErrorFinder:
                 self._judge_hold(i, watch, forces[i], parted, dissecting[1 - i])
             elif self._rods[i, 0] >= 0:
                 self._judge_instrument(i, hand, watch, *counts[i], holding=holding)
+            if len(duct.pose) >= SCOPE_NUMBERS:
+                self._judge_picture(
+                    i, hand, watch, acts=math.hypot(*forces[i]) > pull or counts[i][2] > 0
+                )
         limit = incidents.limits["unseen"]["strands"]
         if out_of_sight >= limit:
             incidents.note("unseen", None, duct.station, out_of_sight, out_of_sight)
@@ -180,6 +193,18 @@ class ErrorFinder:
         if self._safety is not None and incidents.tick % VIEW_TICKS == 0:
             self._points = self._safety.critical_view().total
         incidents.end_tick(self._consequence(stress, out_of_sight))
+
+    def _judge_picture(self, i: int, hand: Hand, watch: _Watch, *, acts: bool) -> None:
+        """Judge whether a hand that acts and moves is seen through the laparoscope."""
+        limits = self.incidents.limits["out_of_view"]
+        outside = not in_picture(self._duct.pose, hand.place.tolist())
+        moves = watch.speed(TIP_TICKS) > LEAST_SPEED
+        opens = watch.places[-1][3] != watch.places[-1 - TIP_TICKS][3]
+        watch.unseen = watch.unseen + 1 if acts and outside and (moves or opens) else 0
+        seconds = watch.unseen * TICK_SECONDS
+        if seconds > limits["seconds"]:
+            tool, at = watch.instrument, watch.places[-1][0]
+            self.incidents.note("out_of_view", i, at, seconds, tool=tool, s=seconds)
 
     def _take_events(self) -> None:
         """Note what tore, was clipped or was divided in this tick."""

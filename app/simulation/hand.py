@@ -18,7 +18,13 @@ from app.simulation.grasper import ARRIVED_MM, ARRIVED_MM_PER_S, HAND_RATE, HAND
 from app.simulation.inputs import Instrument
 from kernel_cache import njit
 
-__all__ = ["Hand", "follow"]
+__all__ = ["GRIP_N", "MEAN_PULL", "Hand", "follow"]
+
+GRIP_N = 5.0
+"""Mean pull at which tissue slips out of a grasper, N: the pull against which jaws were measured to
+hold (Heijnsdijk 2004, Surg Endosc 18:974); that they hold no more is a choice."""
+MEAN_PULL = 0.1
+"""Part by which the mean pull nears that of a tick: a mean over 0.3 s."""
 
 _DECAY = math.exp(-HAND_RATE * TICK_SECONDS)
 _MOST = HAND_SPEED * TICK_SECONDS
@@ -62,6 +68,8 @@ class Hand:
         "node",
         "opening",
         "place",
+        "pull",
+        "slips",
         "spread",
         "target",
         "target_opening",
@@ -77,7 +85,8 @@ class Hand:
         self.aim = self.spread = (0.0, 0.0, 0.0)  # from the tip back along the shaft; of jaws
         self.node: int | None = None  # the beam's node that it holds
         self.tube = 0  # number of the tube that it holds or last held
-        self.holds = 0  # how often it has taken hold
+        self.pull = 0.0  # N, mean of the last 0.3 s of a hold
+        self.holds = self.slips = 0  # how often it has taken hold, and what it held has slipped out
 
     @property
     def arrived(self) -> bool:

@@ -15,6 +15,7 @@ __all__ = [
     "INSTRUMENTS",
     "MOST_INPUTS",
     "MOST_TICKS",
+    "SCOPE_NUMBERS",
     "VECTORS",
     "VIEWS",
     "WITHOUT_VALUE",
@@ -54,7 +55,9 @@ REPLACED: frozenset[InputKind] = frozenset(
 WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide"})
 VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread"})
 """Kinds whose value is nothing, and three numbers."""
-VIEWS = (3, 6, 12, 13)
+SCOPE_NUMBERS = 12
+"""Of a view through a scope, before its horizon."""
+VIEWS = (3, 6, SCOPE_NUMBERS, 13)
 """How many numbers a view may have; with 12 a scope's horizon is not known."""
 
 

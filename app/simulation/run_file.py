@@ -109,6 +109,7 @@ class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # whether a broken strand is an instrument's only if it touched it; in runs of version 3 also if
     # it had not met it
     broken_by_touch: bool = True
+    grip_N: float | None = None  # pull at which tissue slips out of a grasper  # noqa: N815
     # of each hand when the run began; None in some runs of version 3: where empty hands wait
     tips_mm: tuple[tuple[float, float, float], ...] | None = None
     # name of a shipped anatomy, or another in full: its tubes, of which the preset is the first's

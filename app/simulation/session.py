@@ -97,8 +97,9 @@ class Session:
     function of the inputs and of the ticks at which they come.
 
     The skin has about `vertices` vertices, and `seed` chooses the raggedness of the torn rim;
-    `broken_by_touch` is that of a run's start. The surfaces of a session that is not `watched` stay
-    as they were at first. `tissue`, `drawn` and `run` are public for reading;
+    `broken_by_touch` and `grip_N` are those of a run's start: without a grip nothing slips. The
+    surfaces of a session that is not `watched` stay as they were at first. `tissue`, `drawn` and
+    `run` are public for reading;
     `tissue` is another object after a choice of organ, preset, bed or exercise's bed, `run` after a
     reset. A run starts with the first input and is over with the tear or the exercise.
     """
@@ -110,11 +111,13 @@ class Session:
         vertices: int = VERTICES,
         seed: int = 1,
         broken_by_touch: bool = True,
+        grip_N: float | None = None,  # noqa: N803 (a unit)
         watched: bool = True,
     ) -> None:
         if specimen.organ is None:
             raise ValueError("a session needs an organ, whose surface it draws")
-        self.seed, self._broken_by_touch, self._watched = seed, broken_by_touch, watched
+        self.seed, self._watched = seed, watched
+        self._broken_by_touch, self._grip = broken_by_touch, grip_N
         self.lock = RLock()  # to be held while what belongs together is read piece by piece
         self._organ, self._vertices = specimen.organ, vertices
         self.drawn = DrawnDuct(specimen.organ, vertices, seed)
@@ -562,6 +565,7 @@ class Session:
                 vertices=vertices,
                 seed=log.seed,
                 broken_by_touch=start.broken_by_touch,
+                grip_N=start.grip_N,
             )
         except RunFileError:
             raise
@@ -627,7 +631,7 @@ class Session:
 
     def _tissue_of(self, specimen: Specimen) -> Tissue:
         if specimen.theory is None:
-            return SpatialTissue(specimen, broken_by_touch=self._broken_by_touch)
+            return SpatialTissue(specimen, broken_by_touch=self._broken_by_touch, grip_N=self._grip)
         return PlanarTissue(specimen)
 
     def _recorder_of(self, exercise: Exercise | None) -> MetricsRecorder:

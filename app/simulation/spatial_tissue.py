@@ -20,7 +20,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
-from app.simulation.hand import Hand
+from app.simulation.hand import MEAN_PULL, Hand
 from app.simulation.inputs import (
     ALL_INSTRUMENTS,
     HOLDING,
@@ -162,8 +162,14 @@ class SpatialTissue:
     Of a tube that is not named, the first is meant.
     """
 
-    def __init__(self, specimen: Specimen, *, broken_by_touch: bool = True) -> None:
-        self.specimen, self.broken_by_touch = specimen, broken_by_touch
+    def __init__(
+        self,
+        specimen: Specimen,
+        *,
+        broken_by_touch: bool = True,
+        grip_N: float | None = None,  # noqa: N803 (a unit)
+    ) -> None:
+        self.specimen, self.broken_by_touch, self._grip = specimen, broken_by_touch, grip_N
         self.threshold = specimen.threshold
         self.tubes = specimen.tubes(elements=ELEMENTS)
         self._rest = next(iter(self.tubes.network.tubes.values()))
@@ -512,6 +518,7 @@ class SpatialTissue:
             return None
         holder.tube = tube
         holder.holds += 1
+        holder.pull = 0.0
         holder.put(self.beam.places[holder.node])
         self._still = False
         self._forget_reading()
@@ -632,9 +639,22 @@ class SpatialTissue:
         if broken != self.broken:
             self.broken, self.freed = broken, beam.freed
         self._take_stresses()
+        self._slip()
         if relaxes and abs(self.stress_ratio - before) > RELAXED_FRACTION:
             self._still = False
         return True
+
+    def _slip(self) -> None:
+        """Let tissue slip out of graspers that pull harder than they grip."""
+        for number, hand in enumerate(self.hands):
+            if hand.node is None:
+                hand.pull = 0.0
+                continue
+            pull = math.sqrt(float((self.forces[number] ** 2).sum()))
+            hand.pull += MEAN_PULL * (pull - hand.pull)
+            if self._grip is not None and hand.instrument == "grasper" and hand.pull > self._grip:
+                self.release(number)
+                hand.slips += 1
 
     def _take_stresses(self) -> None:
         """Hold the walls' stresses against their strengths; tear those that are past them."""
@@ -927,6 +947,7 @@ class SpatialTissue:
             elements=ELEMENTS,
             substeps=SUBSTEPS,
             broken_by_touch=self.broken_by_touch,
+            grip_N=self._grip,
             tips_mm=tips,
             anatomy=None if anatomy is None else anatomy_or_name(anatomy),
             strand_relaxation=Prony.of(self._relaxing[0]),

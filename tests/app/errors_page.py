@@ -81,14 +81,18 @@ of 0.1 s, and the limit of a press from the stress. Before, those good hands had
 
 One author wrote the faults and their finder, and every hand here is a script: whether raters see
 the same errors in people's runs has not been measured. Errors of several tubes are tried by a few
-scripts only. Errors of a grasper that slips and of instruments outside a laparoscope's picture are
-not found yet.
+scripts only, and nothing slips out of scripted hands' graspers. What is freed away from the goal is
+no error: the exercise says that it does not count. Jaws that do not pass a
+tube's whole width close nothing.
 
 ## Sources
 
 1. Tang, Hanna, Joice and Cuschieri 2004, Arch Surg 139:1215: OCHRA of 200 laparoscopic
    cholecystectomies.
 2. Tang and Cuschieri 2020: a systematic review of OCHRA, 26 studies.
+3. Heijnsdijk, de Visser, Dankelman and Gouma 2004, Surg Endosc 18:974: jaws that held a pull of
+   5 N; that they hold no more is a choice. Of holds on gallbladders 17 % slipped (Heijnsdijk,
+   Dankelman and Gouma 2002, Surg Endosc 16:1329).
 """
 
 

@@ -1,5 +1,8 @@
 """Exercises at an anatomy: *Critical view*, *Stop a bleeding*; errors of clips and divisions."""
 
+import math
+
+import numpy as np
 import pytest
 from test_performance import clipped
 
@@ -7,6 +10,7 @@ from app.anatomy import anatomy_named, drawn_anatomy
 from app.simulation import (
     FEW,
     MANNERS,
+    Instrument,
     Replay,
     Session,
     Specimen,
@@ -108,3 +112,54 @@ def test_a_bleeding_is_stopped_by_a_clip_on_the_side_it_comes_from(seed: int) ->
     assert session.run.outcome is not None
     assert "ml of blood were lost, more than" in session.run.outcome.reason
     assert session.run.incidents() == []
+
+
+def test_tissue_slips_out_of_a_grasper_that_pulls_harder_than_it_grips() -> None:
+    """What was held springs back whole; a hook holds on, and in older runs nothing slips."""
+    normal = Specimen.of_anatomy(anatomy_named("normal"))
+    held: list[tuple[Instrument, float | None, int]] = [
+        ("grasper", 2.5, 1), ("hook", 2.5, 0), ("grasper", None, 0),
+    ]  # fmt: skip
+    for instrument, grip, slips in held:
+        session = Session(normal, vertices=FEW, grip_N=grip)
+        session.choose_instrument(0, instrument)
+        place = session.grab(0, 50.0, session.spatial.tubes.names.index("gallbladder"))
+        assert place is not None
+        x, y, z = place
+        for tick in range(40):
+            session.move_hand(0, (x, y, z + 0.3 * tick))
+            session.advance()
+            if session.spatial.hands[0].node is None:
+                break
+        found = [each for each in session.run.incidents() if each.error == "hold_slipped"]
+        assert session.spatial.hands[0].slips == len(found) == slips
+        if slips:
+            assert found[0].happened.endswith("of the grasper at 50 mm, at 2.6 N"), found[0]
+            assert session.spatial.events == []
+            kept = read_run(run_json(session.run_file()))
+            again = Replay(kept.log, session.spatial.dissection.organ)
+            assert kept.agrees_with(again.run_file())
+            assert again.incidents() == session.run.incidents()
+
+
+@pytest.mark.parametrize("turned", [0.0, 25.0, 45.0])
+def test_an_instrument_works_out_of_the_picture(turned: float) -> None:
+    """A hold that is moved is an error 30 degrees off the middle, one that stays is none."""
+    session = begun("gallbladder", 20.0)
+    place = session.spatial.hands[0].place
+    angle = math.radians(turned)
+    back = np.array([0.0, -math.sin(angle), math.cos(angle)])
+    tip = place + 80.0 * np.array([0.0, 0.0, 1.0])
+    session.look_from([*back.tolist(), *tip.tolist(), 0.0, 0.0, 150.0, 0.0, 0.0, 0.0])
+    session.advance(60)
+    start = place.copy()
+    for tick in range(60):
+        session.move_hand(0, start + np.array([0.0, 0.0, 0.1 * tick]))
+        session.advance()
+    session.advance(60)
+    found = [each for each in session.run.incidents() if each.error == "out_of_view"]
+    assert len(found) == (turned > 30.0)
+    for each in found:
+        assert each.hand == 0
+        assert "the grasper worked outside the picture for" in each.sentence
+        assert 2.0 < each.start_s < each.end_s < 4.6, "as it moved and pulled"

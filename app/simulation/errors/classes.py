@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from app.simulation.clock import REACTION_SECONDS
+from app.simulation.hand import GRIP_N
 
 __all__ = ["CLOSED_AFTER", "ERROR_CLASSES", "MODES", "Conditions", "ErrorClass", "Parameter"]
 
@@ -235,6 +236,13 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             ),
         ),
         ErrorClass(
+            "hold_slipped", "Lost the hold", 2,
+            "tissue slips out of a grasper, as it does at a pull of "
+            f"{GRIP_N:g} N (3); a hook does not let it slip",
+            "at {t:.1f} s {what} slipped out of the grasper at {x:.0f} mm, at {f:.1f} N",
+            "Take a better bite and pull less, or free it first.",
+        ),
+        ErrorClass(
             "one_go", "Pulled on in one go", 3,
             "the front has moved on by more than `far` from a hold that goes on pulling with more "
             "than `pull`",
@@ -352,6 +360,17 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
                     "lifts the wall of the thesis's duct in the bed *normal* to a tenth of its "
                     "break, 0.49 N",
                 ),
+            ),
+        ),
+        ErrorClass(
+            "out_of_view", "Worked outside the picture", 9,
+            "through a laparoscope: an instrument moves among strands, or moves a hold that pulls "
+            "with more than `pull`, outside the picture for `seconds`",
+            "at {t:.1f} s the {tool} worked outside the picture for {s:.1f} s",
+            "Stop, bring the camera along, and go on once you see the tip.",
+            (
+                LEAST_PULL,
+                Parameter("seconds", "s", 0.5, "two reaction times"),
             ),
         ),
         ErrorClass(

@@ -5,7 +5,7 @@ from threading import Lock
 from typing import Literal, NamedTuple, get_args
 
 from app.anatomy import Anatomy, CaseWorkbench, anatomy_named
-from app.simulation import Preset, Session, Specimen, free_specimen, specimen_in_bed
+from app.simulation import GRIP_N, Preset, Session, Specimen, free_specimen, specimen_in_bed
 from organ_geometry import Organ
 
 __all__ = ["OLDER_NAMES", "SCENES", "Practice", "SceneName", "Start"]
@@ -93,13 +93,13 @@ class Practice:
             if scene not in self._sessions:
                 anatomy = self.own_anatomy or anatomy_named("normal")
                 specimen = SCENES[scene].specimen(self._organ, self._preset, anatomy)
-                self._sessions[scene] = Session(specimen)
+                self._sessions[scene] = Session(specimen, grip_N=GRIP_N)
             return self._sessions[scene]
 
     def choose_anatomy(self, anatomy: Anatomy) -> None:
         """Begin with another anatomy."""
         with self._lock:
-            self._sessions["calot"] = Session(_anatomy(self._organ, None, anatomy))
+            self._sessions["calot"] = Session(_anatomy(self._organ, None, anatomy), grip_N=GRIP_N)
 
     def renew(self, organ: Organ, preset: Preset | None) -> None:
         """Begin with other ducts."""
