@@ -36,7 +36,9 @@ class EnergyBalance:
     # sign, and small unless hands tremble or leap
     lag: float
     residual: float  # what the trapezoidal rule leaves unexplained
-    viscous: float  # dissipated by strands and walls that relax
+    # dissipated by strands and walls that relax; of walls of another law than the linear one once
+    # nothing relaxes any more, and meanwhile less what their branches store beyond small strains'
+    viscous: float
     rod_work: float  # the part of the work that was done on rods
     rod_dissipated: float  # the part dissipated in strands that lay against a rod
 

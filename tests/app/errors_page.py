@@ -37,8 +37,8 @@ Its mode is one of OCHRA's external error modes. Its consequence is measured up 
 | consequence | when |
 |---|---|
 | near miss | the stress passed the exercise's limit, or the break was nearer than a reaction time |
-| minor | strands parted out of sight, or up to 2 ml of blood were lost |
-| injury | a tube tore, or more blood was lost |
+| minor | strands parted out of sight, a wall tore in part, or up to 2 ml of blood were lost |
+| injury | a tube tore, is torn through its wall, or more blood was lost |
 
 An incident names its tube where there are several. An exercise names the classes that fail it,
 with the most incidents that do not; a teacher's exercise file may change them (`[errors]`,

@@ -145,6 +145,22 @@ def test_a_wall_that_is_stretched_straight_relaxes_by_its_series(law: Law) -> No
     assert forces[0] == pytest.approx(forces[1], rel=1e-9)
 
 
+@pytest.mark.parametrize("law", [Linear(shear=True), NeoHooke(), Exponential(4.0)], ids=str)
+def test_what_a_wall_loses_until_it_has_relaxed_is_viscous_by_any_law(law: Law) -> None:
+    """Stretched at once and held for ever it keeps what does not relax of the law's energy."""
+    beam = SpaceBeam.of(DUCT, law=law, elements=8, ends=("clamped", "free"))
+    held = BeamOnBed(beam, wall_relaxation=TWO)
+    node = held.take(beam.span)
+    held.lead(node, held.rest_place(node) + np.array([0.2 * beam.span, 0.0, 0.0]))
+    held.advance()
+    work = held.energy.work
+    held.advance(1e4)
+    energy, lost = held.energy, sum(TWO.fractions)
+    assert energy.work == work
+    assert energy.viscous == pytest.approx(lost * work, rel=1e-4)
+    assert energy.stored == pytest.approx((1.0 - lost) * work, rel=1e-4)
+
+
 @pytest.mark.parametrize("law", [Linear(shear=True), Exponential(4.0)], ids=str)
 def test_a_duct_pulled_off_its_bed_while_all_relaxes_keeps_its_energy_balance(law: Law) -> None:
     """In equilibria to 2e-5 and in real time to 1e-4 of the work; both find the same forces."""
