@@ -55,14 +55,14 @@ def take(still: Still, folder: Path) -> None:
     with filmed(replay, held, SIZE) as picture:
         at = 0.0
         # On the way blood runs and the sheet gives way, as in a run that is watched.
-        for seconds in (*range(1, int(still.seconds), 2), still.seconds):
+        for seconds in (*range(1, int(still.seconds)), still.seconds):
             replay.seek(seconds)
             follow(held, replay.session, round(30 * (seconds - at)))
             at = seconds
-            if still.seconds - at < 8.0:
+            if still.seconds - at < 3.5:
                 picture()
         held.move(depth=still.deeper)
-        for _ in range(5):  # the camera's head brightens it step by step
+        for _ in range(2):  # the camera's head brightens it step by step
             picture()
         shot = picture()
     cv2.imwrite(str(folder / f"{still.name}.webp"), shot, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])

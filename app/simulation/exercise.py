@@ -82,6 +82,7 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     relaxes: bool = False  # whether strands and walls relax while they are held
     anatomy: str | Anatomy | None = None  # name of a shipped one, or another in full
     torn: str | None = None  # tube of it that tears in its middle with the first touch
+    soils: bool = True  # whether a scope's lens is soiled by jets of blood and by touch
 
     def __post_init__(self) -> None:
         if (self.bed is None) == (self.anatomy is None):

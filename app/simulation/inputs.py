@@ -44,7 +44,7 @@ HOLDING: tuple[Instrument, ...] = ("hook", "grasper")
 
 InputKind = Literal[
     "instrument", "grab", "move", "open", "release", "lift", "force", "grasp", "threshold",
-    "theory", "aim", "spread", "clip", "divide", "suck", "view",
+    "theory", "aim", "spread", "clip", "divide", "suck", "view", "wipe",
 ]  # fmt: skip
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
 NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
@@ -52,7 +52,7 @@ REPLACED: frozenset[InputKind] = frozenset(
     {"move", "open", "lift", "threshold", "aim", "spread", "suck", "view"}
 )
 """Of these only the last between two ticks has an effect: it replaces the one before."""
-WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide"})
+WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide", "wipe"})
 VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread"})
 """Kinds whose value is nothing, and three numbers."""
 SCOPE_NUMBERS = 12
@@ -101,10 +101,10 @@ class Input(msgspec.Struct, frozen=True, array_like=True):
     "lift": deflection of the place that is held, mm; "force": N along the pull;
     "grasp": station at which force or deflection act, mm; "threshold": MPa; "theory": a choice;
     "aim": (3,) direction from the tip back along the shaft; "spread": (3,) direction in which jaws
-    part; "clip", "divide": None; "suck": ml/s; "view", whichever the hand: (3,) unit direction
-    towards the viewer, where it is known (3,) mm of the camera's place, and through a scope its six
-    numbers: pan, tilt, depth, cable, head and the optical axis's angle, rad and mm; then how
-    far its horizon is turned, rad.
+    part; "clip", "divide": None; "wipe": None, of the scope's lens; "suck": ml/s; "view",
+    whichever the hand: (3,) unit direction towards the viewer, where it is known (3,) mm of the
+    camera's place, and through a scope its six numbers: pan, tilt, depth, cable, head and the
+    optical axis's angle, rad and mm; then how far its horizon is turned, rad.
     """
 
     tick: int  # number of ticks done before it

@@ -204,6 +204,10 @@ class Session:
         # Strands that part out of sight, and stabs behind a duct, are judged by it.
         self._act(0, "view", *map(float, view))
 
+    def wipe_lens(self) -> None:
+        """Wipe the scope's lens clean."""
+        self._act(0, "wipe")
+
     def suck(self, hand: int, rate: float) -> None:
         """Take up what has been lost, ml/s; 0 stops it."""
         self._act(hand, "suck", rate)

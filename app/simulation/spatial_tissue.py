@@ -83,6 +83,15 @@ CLEAR_MM = 18.0
 PARKED_AT = (0.5, 0.2)
 JAW_RADIUS, SWAB_RADIUS = 1.2, 3.0
 """mm. Closed jaws pass between the duct and the bed, whose gap is 3 mm; a swab does not."""
+LENS_AT = slice(3, 6)
+"""Of a view's numbers: where the camera is."""
+SCOPED = 12
+"""Least numbers of a view through a scope."""
+LENS_RADIUS = 5.0
+"""mm of a scope's shaft."""
+JET_ML_S, SPRAY_MM, SOILS_PER_ML = 0.5, 30.0, 0.12
+"""ml/s from which blood jets, mm at which half as much reaches the lens as close by, and how much
+of the lens a millilitre soils there: choices, not measurements."""
 RADIUS: dict[Instrument, float] = {
     "dissector": JAW_RADIUS, "swab": SWAB_RADIUS, "right angle": 0.6, "clip applier": 0.8,
     "scissors": 0.8, "suction": 1.5,
@@ -230,6 +239,7 @@ class SpatialTissue:
         self.view: Floats = TOWARDS_VIEWER  # (3,) unit vector towards the viewer
         # what is known of it: also the camera's place, mm, and how a scope is held
         self.pose: tuple[float, ...] = tuple(TOWARDS_VIEWER.tolist())
+        self._soils = opening is None or opening.soils
         self._relaxing = self.specimen.relaxing(None if opening is None else opening.relaxes)
         self._make_whole()
 
@@ -251,6 +261,7 @@ class SpatialTissue:
         ]
         if self.view is not TOWARDS_VIEWER:
             under_way.append((0, ("view", self.pose)))
+            self._touch_lens()
         return under_way
 
     def _make_whole(self) -> None:
@@ -270,6 +281,8 @@ class SpatialTissue:
             self.beam.break_between(scale * opened[0], scale * opened[1])
         self.fluids = tubes.fluids(self.beam)
         self.events: list[Event] = []
+        self.soil = 0.0
+        """Of the scope's lens: 0 clean, 1 as soiled as it gets."""
         self.sucked_ml, self._suction = 0.0, [0.0] * HANDS  # ml/s
         self.ticks = 0  # since all was made whole
         self.hands = tuple(
@@ -330,6 +343,9 @@ class SpatialTissue:
             return self._turn(hand, kind, values, begin)
         if kind in ("clip", "divide"):
             return (kind, ()) if self._close(hand, kind) else None
+        if kind == "wipe":
+            soiled, self.soil = self.soil > 0.0, 0.0
+            return ("wipe", ()) if soiled else None
         if kind == "suck":
             return self._suck(hand, float(values[0]))
         if kind == "grab":
@@ -384,7 +400,29 @@ class SpatialTissue:
         if float((view * self.view).sum()) > STEADY and not _moved(self.pose, pose):
             return None
         self.view, self.pose = view, pose
+        self._touch_lens()
         return "view", pose
+
+    def _touch_lens(self) -> None:
+        """Soil the scope's lens if its tip touches a tube."""
+        if not self._soils or len(self.pose) < SCOPED:
+            return
+        for name, tube in self.tubes.network.tubes.items():
+            off = self.beam.places[self.beam.nodes_of(name)] - np.array(self.pose[LENS_AT])
+            if ((off * off).sum(axis=1) < (tube.radius + LENS_RADIUS) ** 2).any():
+                self.soil = 1.0
+                return
+
+    def _soil_lens(self) -> None:
+        """Let jets of blood soil the scope's lens for a tick, the more the nearer it is."""
+        if not self._soils or len(self.pose) < SCOPED or "blood" not in self.fluids:
+            return
+        for hole in self.fluids["blood"].holes:
+            jet = 1e-3 * hole.flow
+            if jet > JET_ML_S:
+                off = self.beam.places[hole.node] - np.array(self.pose[LENS_AT])
+                near = 1.0 + float((off * off).sum()) / SPRAY_MM**2
+                self.soil = min(self.soil + SOILS_PER_ML * jet * TICK_SECONDS / near, 1.0)
 
     def _turn(
         self, hand: int, kind: InputKind, values: tuple[float, ...], begin: Callable[[], bool]
@@ -754,6 +792,8 @@ class SpatialTissue:
         wanted = sum(self._suction) * TICK_SECONDS
         if wanted > 0.0:
             self.sucked_ml += min(wanted, self.pooled_ml())
+        if self._leaking:
+            self._soil_lens()
         for fluid, flow in self.fluids.items():
             if not flow.advance(TICK_SECONDS) and not self._leaking:
                 continue

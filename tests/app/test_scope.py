@@ -405,6 +405,41 @@ def test_clips_scissors_and_suction(lead: ScopeLead) -> None:
     assert tissue.pooled_ml() < pooled
 
 
+def test_the_lens_is_soiled_by_touch_and_jets_and_a_replay_has_it() -> None:
+    """A scope at a wall is soiled at once, blood that jets soils it slowly, a wipe cleans it."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=300)
+    tissue, held = session.spatial, HeldScope(anatomy_network(anatomy_named("normal")))
+
+    def look() -> None:
+        camera = held.camera
+        numbers = *held.pose.numbers, held.scope.angle
+        session.look_from([*camera.axes[:, 2], *camera.tip, *numbers])
+
+    look()
+    assert tissue.soil == 0.0
+    performed(read_script(SCRIPTS / "hasty.toml"), session)
+    soiled = tissue.soil
+    assert 0.2 < soiled < 1.0
+    log = session.run_file().log
+    again = Replay(log, tissue.dissection.organ)
+    again.seek_tick(log.ticks)
+    assert again.session.spatial.soil == soiled
+    session.wipe_lens()
+    assert tissue.soil == 0.0
+    session.reset()
+    session.open_jaws(1, 2.0)
+    session.advance(5)
+    duct = tissue.beam.places_at(np.array([5.0]), "cystic")[0]
+    held.pose = held.scope.look(duct, 2.0, held.pose)
+    look()
+    assert tissue.soil == 1.0
+    session.advance(5)
+    log = session.run_file().log
+    again = Replay(log, tissue.dissection.organ)
+    again.seek_tick(log.ticks)
+    assert again.session.spatial.soil == 1.0
+
+
 def test_a_scope_is_held_as_a_run_has_logged_it() -> None:
     """Pose and optics of a logged view, to the bit; not where a trainee holds it, nor without."""
     held = HeldScope(anatomy_network(anatomy_named("normal")))

@@ -126,8 +126,17 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.wait_until(bled, 60.0)
         drawn, computed = tab.page.evaluate(POOLS)
         assert drawn == pytest.approx(computed, rel=1e-3)
+        # Its jet has soiled the lens, which is wiped.
+        lens = page.tab.page.locator(".bd-scope-lens")
+        tab.wait_until(lambda: tissue.soil > 0.0, 30.0)
+        expect(lens).to_be_visible()
+        tab.page.keyboard.press("e")
+        tab.wait_until(
+            lambda: any(each.kind == "wipe" for each in view.session.run_file().log.inputs)
+        )
         view.state.reset()
         tab.wait_until(lambda: tab.page.evaluate(POOLS) == [0, 0], 60.0)
+        expect(lens).to_be_hidden()
         # The oblique scope looks from where its algebra says.
         tab.page.keyboard.press("z")
         tab.wait_until(lambda: page.camera.shaft @ page.camera.axes[:, 2] > -0.9)

@@ -258,6 +258,12 @@ class ScopeLead:
         self.held.move(pan, tilt, depth, cable)
         self._state.show()
 
+    def wipe_lens(self) -> None:
+        """Wipe the scope's lens, which jets of blood and touch soil."""
+        if self._state.playback is None and not self._state.is_closed():
+            self.session.wipe_lens()
+            self._state.show()
+
     def change_scope(self) -> None:
         """Take the other scope, straight or oblique."""
         self.held.change()

@@ -32,7 +32,8 @@ SIDE = 480
 QUALITY = 55
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 HIDDEN = (
-    "body *:not(:has(canvas)):not(canvas):not(.bd-scope-frame) { visibility: hidden !important }"
+    "body *:not(:has(canvas), canvas, .bd-scope-frame, .bd-scope-lens)"
+    " { visibility: hidden !important }"
 )
 DRAWN = "() => [bluntdissectScope.picture.state.frames, bluntdissectScope.picture.drawn]"
 PATIENCE_MS = 8000.0

@@ -57,6 +57,7 @@ def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, pose: Pose) -> Non
             )
             for each in tissue.nicks()
         ],
+        tissue.soil,
     )
 
 

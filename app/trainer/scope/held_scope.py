@@ -22,8 +22,8 @@ OUTSIDE = 215.0
 """From the scope's trocar to the triangle, mm."""
 HOME = 66.0
 """At which it is seen first, mm."""
-SCOPE_NUMBERS = 12
-"""Of a view through a scope, as an `Input` has it."""
+SCOPED = slice(6, 12)
+"""Of a view's numbers, as an `Input` has it: those of the scope."""
 
 
 class HeldScope:
@@ -69,9 +69,9 @@ class HeldScope:
 
     def show(self, logged: Sequence[float]) -> bool:
         """Hold the scope as a tissue's `pose` says; return False where none is held so."""
-        if not self.assisted or len(logged) != SCOPE_NUMBERS:
+        if not self.assisted or len(logged) < SCOPED.stop:
             return False
-        *held, angle = logged[-6:]
+        *held, angle = logged[SCOPED]
         scope = self.scope
         if angle != scope.angle:
             scope = Laparoscope(scope.pivot, scope.base, angle)

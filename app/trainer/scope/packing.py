@@ -31,11 +31,11 @@ __all__ = [
 
 Floats32 = NDArray[np.float32]
 
-HEADER = 84
+HEADER = 85
 HANDS, WELLS, CLIPS, TEARS, NICKS = 2, 4, 8, 4, 4
 """Of a frame at most: hands, places where something flows out, clips, torn elements, and nicks."""
 # Where they begin in the header, and how many numbers each has.
-POSE, POOL, HAND, WELL, CLIP, TEAR, NICK = 0, 6, 8, 24, 44, 60, 68
+POSE, POOL, HAND, WELL, CLIP, TEAR, NICK, SOIL = 0, 6, 8, 24, 44, 60, 68, 84
 NODE_NUMBERS = 6
 # How taut, from fully slack to parting: -0.5 to 1 becomes 1 to 1001, and 0 is parted.
 STEPS = 1000
@@ -85,11 +85,13 @@ class Packing:
         torn: Sequence[tuple[int, int]] = (),
         pools: tuple[float, float] = (0.0, 0.0),
         nicks: Sequence[tuple[int, float, float, float]] = (),
+        soil: float = 0.0,
     ) -> None:
         """Write a frame; the scope's `angle` is in rad.
 
         `clips` are a tube's number and a place along it in elements, `torn` a tube's number and the
-        element's, `pools` blood and bile that lie in the field, mm^3. `nicks` are a tube's number,
+        element's, `pools` blood and bile that lie in the field, mm^3, `soil` how
+        soiled the lens is, 0 to 1. `nicks` are a tube's number,
         a place along it in elements, an angle round it from up, rad, and a depth, of its height.
         Of what there are too many, the last are drawn.
         """
@@ -98,6 +100,7 @@ class Packing:
         head[POSE : POSE + 5] = pose.numbers
         head[POSE + 5] = angle
         head[POOL : POOL + 2] = pools
+        head[SOIL] = soil
         for i in range(HANDS):
             hand = hands[i] if i < len(hands) else DrawnHand(-1, (0.0, 0.0, 0.0))
             at = HAND + 8 * i

@@ -151,9 +151,12 @@ class ScopePicture:
         torn: Sequence[tuple[int, int]] = (),
         pools: tuple[float, float] = (0.0, 0.0),
         nicks: Sequence[tuple[int, float, float, float]] = (),
+        soil: float = 0.0,
     ) -> None:
         """Send a frame, if it differs from the last; see `Packing.write`."""
-        self._packing.write(bed, pose, self._scope.angle, hands, wells, clips, torn, pools, nicks)
+        self._packing.write(
+            bed, pose, self._scope.angle, hands, wells, clips, torn, pools, nicks, soil
+        )
         stream(self._mesh, "vertices", self._packing.numbers)
 
     def remove(self) -> None:

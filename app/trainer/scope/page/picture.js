@@ -46,7 +46,10 @@
       this.frame = document.createElement("div");
       this.frame.className = "bd-scope-frame";
       this.frame.style.cssText = EDGE;
-      viewer.canvas().parentElement.append(this.frame);
+      this.lens = document.createElement("div");
+      this.lens.className = "bd-scope-lens";
+      this.lens.style.cssText = `position: absolute; inset: 0; pointer-events: none; z-index: 1; background: ${scope.stains()}`;
+      viewer.canvas().parentElement.append(this.lens, this.frame);
     }
 
     // A material of two shaders; `own` are its uniforms besides those that all share.
@@ -165,6 +168,16 @@
       });
       this.#fluids();
       this.#showClips();
+      this.#soil(state.soil);
+    }
+
+    // Through a soiled lens it is blurred, and stained.
+    #soil(soil) {
+      if (soil === this.soiled) return;
+      this.soiled = soil;
+      this.lens.hidden = soil <= 0;
+      this.lens.style.opacity = Math.min(1, 0.15 + 0.85 * soil);
+      this.lens.style.backdropFilter = `blur(${(5 * soil).toFixed(1)}px)`;
     }
 
     // Half the width of a nick at the skin, in elements: it gapes as it goes through.
@@ -308,7 +321,7 @@
         Object.assign(camera, { fov, near: NEAR, far: FAR });
         camera.setViewOffset(camera.aspect, 1, 0, covered / 2, camera.aspect, 1);  // which updates the projection
         this.covered = covered;
-        this.frame.style.bottom = `${100 * covered}%`;
+        this.lens.style.bottom = this.frame.style.bottom = `${100 * covered}%`;
         this.camera = camera;
       }
       camera.updateMatrixWorld(true);
@@ -334,6 +347,7 @@
       for (const mesh of this.meshes) { this.group.remove(mesh); mesh.geometry.dispose(); mesh.material.dispose(); }
       for (const name of ["uNoise", "uSlopes", "uField", "uNodes", "uEnds"]) this.shared[name].value.dispose();
       this.frame.remove();
+      this.lens.remove();
       this.camera?.clearViewOffset();
       this.finer?.();
     }

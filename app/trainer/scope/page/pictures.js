@@ -52,6 +52,17 @@
     return out;
   };
 
+  // Drops and smears of blood on the lens, as a background of CSS: the same in every page.
+  scope.stains = () => {
+    const throwDice = dice(5), parts = [];
+    for (let i = 0; i < 26; i++) {
+      const wide = 1.5 + 9 * throwDice() ** 3, high = wide * (1 + 1.2 * throwDice()), dark = (0.30 + 0.45 * throwDice()).toFixed(2);
+      parts.push(`radial-gradient(ellipse ${wide.toFixed(1)}vmin ${high.toFixed(1)}vmin at ${(20 + 60 * throwDice()).toFixed(1)}% ${(8 + 84 * throwDice()).toFixed(1)}%, `
+        + `rgba(96, 8, 6, ${dark}) 35%, rgba(120, 22, 14, ${(0.5 * dark).toFixed(2)}) 70%, transparent)`);
+    }
+    return [...parts, "rgba(110, 40, 30, 0.18)"].join(", ");
+  };
+
   // Of clouds and lobules, along x and y: 128 is none.
   scope.slopesOf = (picture, size) => {
     const out = new Uint8Array(picture.length), slope = d => 128 + 127 * clamp(2 * d / 255, -1, 1);

@@ -91,13 +91,17 @@
 
     #lay(state, tube) {
       const { x0, y0, cell, columns, rows, top } = this;
-      for (let s = 0; s < tube.count - 1; s += 0.5) {
-        const [x, y, z, radius] = state.at(tube, s), r = radius + 0.7, m = Math.ceil((r + 1) / cell);
-        const ci = Math.round((x - x0) / cell), cj = Math.round((y - y0) / cell);
-        for (let j = Math.max(0, cj - m); j <= Math.min(rows - 1, cj + m); j++)
-          for (let i = Math.max(0, ci - m); i <= Math.min(columns - 1, ci + m); i++) {
-            const off = (x0 + i * cell - x) ** 2 + (y0 + j * cell - y) ** 2, k = j * columns + i;
-            if (off < r * r) top[k] = Math.max(top[k], z + Math.sqrt(r * r - off));
+      // Element by element: over balls at its nodes the sheet would lie in rings.
+      for (let s = 0; s < tube.count - 1; s++) {
+        const [ax, ay, az, ar] = state.at(tube, s), [bx, by, bz, br] = state.at(tube, s + 0.999999);
+        const dx = bx - ax, dy = by - ay, long = Math.max(dx * dx + dy * dy, 1e-6), m = Math.max(ar, br) + 0.7;
+        const low = (a, b, o) => Math.max(0, Math.floor((Math.min(a, b) - m - o) / cell));
+        const high = (a, b, o, most) => Math.min(most - 1, Math.ceil((Math.max(a, b) + m - o) / cell));
+        for (let j = low(ay, by, y0); j <= high(ay, by, y0, rows); j++)
+          for (let i = low(ax, bx, x0); i <= high(ax, bx, x0, columns); i++) {
+            const x = x0 + i * cell - ax, y = y0 + j * cell - ay, t = clamp((x * dx + y * dy) / long, 0, 1), k = j * columns + i;
+            const off = (x - t * dx) ** 2 + (y - t * dy) ** 2, r = ar + t * (br - ar) + 0.7;
+            if (off < r * r) top[k] = Math.max(top[k], az + t * (bz - az) + Math.sqrt(r * r - off));
           }
       }
     }

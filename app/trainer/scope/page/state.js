@@ -3,7 +3,7 @@
   const scope = window.bluntdissectScope;
   if (scope.State) return;
   const { clamp, mix, sub, dot, cross, unit, numbers } = scope.algebra;
-  const HEADER = 84, CLIPS = 8, TEARS = 4, NODE = 6, SLACKEST = -0.5, STEPS = 1000;
+  const HEADER = 85, CLIPS = 8, TEARS = 4, NODE = 6, SLACKEST = -0.5, STEPS = 1000;
   const POSE = ["pan", "tilt", "depth", "cable", "head", "angle"];
   const PART_MS = 350;  // that a strand takes to draw back
 
@@ -81,6 +81,7 @@
       const at = 8 + 8 * i, h = this.head;
       return { tip: [h[at], h[at + 1], h[at + 2]], opening: h[at + 3], roll: h[at + 4], instrument: h[at + 5], holds: h[at + 6] > 0 };
     }
+    get soil() { return this.head[84]; }  // of the lens, 0 to 1
     get pools() { return { blood: this.head[6], bile: this.head[7] }; }  // mm^3
     get wells() {
       return [0, 1, 2, 3].map(i => {
