@@ -130,7 +130,7 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         lens = page.tab.page.locator(".bd-scope-lens")
         tab.wait_until(lambda: tissue.soil > 0.0, 30.0)
         expect(lens).to_be_visible()
-        tab.page.keyboard.press("e")
+        tab.page.keyboard.press("b")
         tab.wait_until(
             lambda: any(each.kind == "wipe" for each in view.session.run_file().log.inputs)
         )

@@ -98,7 +98,7 @@ KEYS = (
     Key("F", "F", "Tip or handle", "which end of an instrument is led"),
     Key("N", "N", "Next instrument", "for the hand that is led"),
     Key("Z", "Z", "Other scope", "straight or oblique"),
-    Key("E", "E", "Wipe the lens", "when blood has jetted at it, or it has touched tissue"),
+    Key("B", "B", "Wipe the lens", "when blood has jetted at it, or it has touched tissue"),
     Key("J", "J", "Turn left", "the jaws about their shaft, or the scope's cable"),
     Key("L", "L", "Turn right", "the jaws about their shaft, or the scope's cable"),
     Key("V", "V", "Assistant", "gives the scope back to the assistant, who shows the triangle"),
@@ -124,7 +124,7 @@ go of the mouse: look at the stress while you pull. To clip and divide, free a t
 
 **The scope.** An assistant holds it and keeps both tips in view. Choose *Scope* to lead it
 yourself, or drag with the middle button; **V** gives it back. Blood that jets, and touch, soil its
-lens; **E** wipes it.
+lens; **B** wipes it.
 
 **What is computed.** Each tube is a beam in space, each strand a spring that yields, parts and
 never heals. A wall tears where normal + bending stress is over its strength. Blood and bile flow
@@ -186,7 +186,7 @@ class ScopePanel:
         self._use = gui.add_button("Use", hint="Also the right button in the picture, or G")
         on_click(self._use, lead.use_instrument)
         self._scope = Choice(gui, "Scope", SCOPES, lambda _: lead.change_scope())
-        self._wipe = gui.add_button("Wipe the lens", hint="Of blood and tissue (E)")
+        self._wipe = gui.add_button("Wipe the lens", hint="Of blood and tissue (B)")
         on_click(self._wipe, lead.wipe_lens)
         self._held = gui.add_html("")
         self._add_anatomies()
@@ -336,7 +336,7 @@ class ScopePanel:
             "F": lambda: self._choose_led_by("tip" if lead.by_handle else "handle"),
             "N": lead.choose_next_instrument,
             "Z": lead.change_scope,
-            "E": lead.wipe_lens,
+            "B": lead.wipe_lens,
             "J": lambda: lead.turn(-TURN),
             "L": lambda: lead.turn(TURN),
             "P": lambda: state.set_paused(not state.paused),
