@@ -124,7 +124,7 @@ go of the mouse: look at the stress while you pull. To clip and divide, free a t
 
 **The scope.** An assistant holds it and keeps both tips in view. Choose *Scope* to lead it
 yourself, or drag with the middle button; **V** gives it back. Blood that jets, and touch, soil its
-lens; **B** wipes it.
+lens; the key **B** wipes it.
 
 **What is computed.** Each tube is a beam in space, each strand a spring that yields, parts and
 never heals. A wall tears where normal + bending stress is over its strength. Blood and bile flow
