@@ -158,7 +158,8 @@ def test_the_command_replays_a_performance(tmp_path: Path) -> None:
     page = tmp_path / "run.html"
     made = run("replay", file, "-o", page, "--frames", 5)
     assert made.returncode == 0, made.stderr
-    assert "bluntdissectScope" in page.read_text()
+    assert "the run in 5 keys" in made.stdout
+    assert "s triangle, anatomy normal</h1>" in page.read_text()
 
 
 def clipped(*, clips: bool) -> Session:
