@@ -45,6 +45,16 @@ def connected(address: str, cookie: str = "") -> websockets.asyncio.client.conne
     )
 
 
+def teacher_connected(address: str, cookie: str) -> websockets.asyncio.client.connect:
+    """Return a connection as the teacher's page of a class has, to be entered."""
+    return websockets.asyncio.client.connect(
+        f"{address.replace('http', 'ws', 1)}/class/live",
+        max_size=None,
+        origin=websockets.Origin(address),
+        additional_headers={"Cookie": cookie},
+    )
+
+
 class Page:
     """The messages of a browser's page."""
 

@@ -40,8 +40,8 @@ class Takings(msgspec.Struct, frozen=True):
 class Served:
     """A trainer's process, seen from outside."""
 
-    def __init__(self, process: "subprocess.Popen[str]", link: str) -> None:
-        self._process, self.link = process, link
+    def __init__(self, process: "subprocess.Popen[str]", link: str, teacher_link: str) -> None:
+        self._process, self.link, self.teacher_link = process, link, teacher_link
         self.address = link.partition("/?")[0]
 
     def takings(self) -> Takings:
@@ -70,7 +70,8 @@ def served_trainer(
             link = process.stdout.readline().strip() if process.stdout else ""
             if not link:
                 raise RuntimeError("the trainer did not start")
-            yield Served(process, link)
+            assert process.stdout is not None
+            yield Served(process, link, process.stdout.readline().strip())
         finally:
             process.terminate()
 
@@ -109,7 +110,7 @@ def main() -> None:
         scene: SceneName = "free" if "pull" in sys.argv else "bed"
         trainer = Trainer(organ, port=0, scene=scene, lesson=lesson)
         trainer.warm_up.done.wait()
-        print(trainer.link, flush=True)
+        print(trainer.link, trainer.teacher_link or "", sep="\n", flush=True)
         for _ in sys.stdin:
             print(msgspec.json.encode(_takings(trainer)).decode(), flush=True)
         trainer.stop()

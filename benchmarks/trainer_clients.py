@@ -1,7 +1,8 @@
 """Steps per second of the trainer with many clients, their frames, and processor time.
 
 `python -m benchmarks.trainer_clients dissect 32 60` has 32 pages dissect for 60 s; `pull`, `mixed`
-(every other page pulls) and `class` (mixed, trainees of a class who have joined it) are the others.
+(every other page pulls) and `class` (mixed, trainees of a class who have joined it, whom the
+teacher's page watches) are the others.
 
 Clients are pages without a picture (`page_protocol`): they move the force slider, or lift the duct
 off its bed, as a trainee would and count the frames of the duct that come back. One more client
@@ -15,12 +16,13 @@ import math
 import sys
 import time
 import timeit
+from collections import Counter
 from typing import Literal, cast
 
 import numpy as np
 
 from benchmarks.duct import DUCT
-from benchmarks.page_protocol import Page, connected, cookie_of, hand_forces
+from benchmarks.page_protocol import Page, connected, cookie_of, hand_forces, teacher_connected
 from benchmarks.served_trainer import Served, served_trainer
 from physics import Exact, NeoHooke
 
@@ -79,6 +81,14 @@ async def pulling(
         return frames, longest
 
 
+async def watching(served: Served, start: asyncio.Event, came: Counter[str]) -> None:
+    """Watch a class as the teacher's page does, without end; count what comes."""
+    cookie = await asyncio.to_thread(cookie_of, served.teacher_link)
+    async with teacher_connected(served.address, cookie) as connection:
+        async for _ in connection:
+            came["news"] += start.is_set()
+
+
 async def counted(
     served: Served, clients: int, seconds: float, mix: "Mix" = "pull"
 ) -> dict[str, float]:
@@ -91,6 +101,10 @@ async def counted(
         if mix == "class":
             trainee = await asyncio.to_thread(cookie_of, served.link), f"Trainee {number + 1}"
         pages.append(asyncio.create_task(pulling(served.address, start, stop, mode, trainee)))
+    came_to_teacher = Counter[str]()
+    teacher = (
+        asyncio.create_task(watching(served, start, came_to_teacher)) if mix == "class" else None
+    )
     while len((await asyncio.to_thread(served.takings)).frames) < clients:
         if failed := [page for page in pages if page.done()]:
             failed[0].result()
@@ -108,9 +122,15 @@ async def counted(
     stop.set()
     came = await asyncio.gather(*pages)
     ticks, missed = after.ticks - before.ticks, after.missed - before.missed
+    watched: dict[str, float] = {}
+    if teacher is not None:
+        if teacher.done():
+            teacher.result()
+        teacher.cancel()
+        watched[f"teacher_news_per_second_{clients}"] = came_to_teacher["news"] / elapsed
     frames = [after.frames[each] - before.frames[each] for each in before.frames]
     drawn, processor = min(frames), after.processor_s - before.processor_s
-    return {
+    return watched | {
         f"processor_ms_a_picture_{clients}": 1e3 * processor / max(sum(frames), 1),
         f"steps_per_second_{clients}": ticks / elapsed,
         f"missed_percent_{clients}": 100.0 * missed / max(ticks + missed, 1),

@@ -23,6 +23,7 @@ class ExerciseKind:
 TOO_FAST = ("fast_pull", "near_break_fast")
 WITH_JAWS = (
     "blind_stab", "jumping_jaws", "stirring", "ploughing", "fast_in_tissue", "fast_pull",
+    "instrument_on_wall",
 )  # fmt: skip
 EXERCISES: dict[str, ExerciseKind] = {
     "window": ExerciseKind(
@@ -39,7 +40,7 @@ EXERCISES: dict[str, ExerciseKind] = {
     "free_scar": ExerciseKind(
         "Free a scar with two hands",
         "hold it up with one hand and open the dissector behind the scar with the other",
-        ("no_traction", "traction_lost", *WITH_JAWS), in_hand=("grasper", "dissector"),
+        ("no_traction", "traction_lost", "leaning", *WITH_JAWS), in_hand=("grasper", "dissector"),
         time_limit_s=120.0, spare=1.12,
     ),
     "critical_view": ExerciseKind(
