@@ -431,8 +431,8 @@ class SpatialTissue:
         holder = self.hands[hand]
         if holder.instrument not in RADIUS or not DIRECTION[0] < math.hypot(*values) < DIRECTION[1]:
             return None
-        if begin():  # which makes hands anew
-            holder = self.hands[hand]
+        begun = begin()  # which makes hands anew
+        holder = self.hands[hand]
         aim, spread = np.array(holder.aim), np.array(holder.spread)
         if kind == "aim":
             aim = np.array(values)
@@ -444,12 +444,23 @@ class SpatialTissue:
         if size < 1e-3:  # as good as along the shaft: any direction across it
             across = np.cross(aim, [1.0, 0.0, 0.0] if abs(aim[0]) < 0.9 else [0.0, 1.0, 0.0])
             size = math.sqrt((across**2).sum())
+        before, deep = (holder.aim, holder.spread), self._nearness(hand)
         holder.aim, holder.spread = _vector(aim.tolist()), _vector((across / size).tolist())
+        if not begun and self._nearness(hand) < deep:  # it would turn into a tube
+            holder.aim, holder.spread = before
+            return None
         self._still = False
         self._forget_reading()
         for rod in self.touch(hand).rods:
             self.beam.set_rod(*rod)
         return kind, values
+
+    def _nearness(self, hand: int) -> float:
+        """Return how near an instrument is to the axis of a tube that it is deep in, or 1."""
+        rods = self.touch(hand).rods
+        return min(
+            (self.beam.nearness(each.tip, each.shaft, each.radius) for each in rods), default=1.0
+        )
 
     def _between(self, hand: int) -> list[tuple[int, float]]:
         """Return tubes, and stations on their beams, between a hand's jaws."""

@@ -187,12 +187,7 @@ class BeamOnBed(Readings):
         self, rod: int, tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float
     ) -> None:
         """Place a rod: its tip, mm, direction back along the shaft, radius, mm."""
-        direction = np.array(_three(shaft, "a rod's direction", "mm"))
-        length = float(np.sqrt((direction**2).sum()))
-        if length == 0.0:
-            raise ValueError("a rod's direction must not be zero")
-        thick = positive(radius, "a rod's radius", "mm")
-        row = np.array([*_three(tip, "a rod's tip", "mm"), *(direction / length), thick, 1.0])
+        row = _rod_row(tip, shaft, radius)
         self._account()
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod] = row
@@ -202,6 +197,12 @@ class BeamOnBed(Readings):
         work = self._changed()
         self.state.sums[kernels.WORK] += work
         self.state.sums[kernels.ROD_WORK] += work
+
+    def nearness(
+        self, tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float
+    ) -> float:
+        """Return how near a rod's axis would be to a tube's, over half the distance of touch."""
+        return float(kernels.nearest_core(self.state, _rod_row(tip, shaft, radius)))
 
     def lead_rod(self, rod: int, tip: Sequence[float] | Floats) -> None:
         """Set the target of a rod's tip, mm."""
@@ -385,6 +386,16 @@ class BeamOnBed(Readings):
         """Do what the next `tick` of so many seconds does wherever hands lead; the same bits."""
         step = positive(seconds, "a tick", "s")
         _AHEAD(self.state, step / (DELAY + step))
+
+
+def _rod_row(tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float) -> Floats:
+    """Return a rod as the state has it."""
+    direction = np.array(_three(shaft, "a rod's direction", "mm"))
+    length = float(np.sqrt((direction**2).sum()))
+    if length == 0.0:
+        raise ValueError("a rod's direction must not be zero")
+    thick = positive(radius, "a rod's radius", "mm")
+    return np.array([*_three(tip, "a rod's tip", "mm"), *(direction / length), thick, 1.0])
 
 
 def _three(values: Sequence[float] | Floats, name: str, unit: str) -> tuple[float, float, float]:

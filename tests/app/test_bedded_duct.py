@@ -46,6 +46,22 @@ def test_at_rest_the_skin_is_where_it_was_drawn(session: Session) -> None:
     assert np.array_equal(session.drawn.surfaces[0].vertices, session.drawn.skin.vertices)
 
 
+def test_no_instrument_turns_into_the_duct(session: Session) -> None:
+    """With its tip beside the duct a shaft that would go through it stays; others turn at once."""
+    session.choose_instrument(1, "dissector")
+    radius = session.spatial.radius
+    session.spatial.put_hand(1, np.array([25.4, -radius - 2.0, 0.0]))
+    session.aim(1, [0.0, -1.0, 0.2])
+    before = session.spatial.hands[1].aim
+    for through in ([0.0, 1.0, 0.0], [0.3, 0.9, 0.1]):
+        session.aim(1, through)
+        assert session.spatial.hands[1].aim == before
+    session.aim(1, [0.0, 0.1, 1.0])
+    assert session.spatial.hands[1].aim == pytest.approx([0.0, 0.0995, 0.995], abs=1e-3)
+    session.advance()
+    assert session.spatial.beam.energy.rod_work < 1.0
+
+
 def test_a_lift_parts_strands_about_the_hook_and_the_skin_follows(session: Session) -> None:
     """The skin at the hook is lifted as the hook is, and the clamps stay."""
     session.grab(0, 25.4)

@@ -193,11 +193,14 @@ def test_a_rod_is_held_back_where_no_hand_could_press_so_hard(
     for now in range(1, ticks + 1):
         live.lead_rod(0, (25.4, FAR, begin + way * now / ticks))
         live.tick(1e-3)
-        # 200 N, and by how much more the last part of a way presses.
-        assert np.abs(live.rod_contact(0)).max() < 500.0
+        # What a hand can, and by how much more the last part of a way presses.
+        assert np.abs(live.rod_contact(0)).max() < 300.0
     live.tick(0.2, ticks=200)
     x, _, z = live.state.rods[0, :3].tolist()
-    assert z == pytest.approx(begin + way, abs=1e-12)
+    # The bed below it would answer with 60 N.
+    pressed = float(np.sqrt((live.rod_contact(0) ** 2).sum()))
+    assert pressed < 1.1 * kernels.HELD_BACK
+    assert z == pytest.approx(begin + way, abs=1e-12) or pressed > 0.9 * kernels.HELD_BACK
     assert turns(live, x, z) == side
     energy = live.energy
     # Without `retrace` up to 0.13 % is open.

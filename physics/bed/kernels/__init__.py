@@ -12,7 +12,7 @@ Read in this order: `vectors`, `state`, `wall`, `relaxation`, `beam`, `rods`, `c
 from physics.bed.kernels.assembly import assemble, assemble_ahead
 from physics.bed.kernels.balance import account
 from physics.bed.kernels.beam import set_rest
-from physics.bed.kernels.core import rods_clear_of
+from physics.bed.kernels.core import HELD_BACK, nearest_core, rods_clear_of
 from physics.bed.kernels.newton import equilibrium
 from physics.bed.kernels.relaxation import (
     FORCE,
@@ -114,6 +114,7 @@ __all__ = [
     "FORCE_BEFORE",
     "FRACTION",
     "FROZEN",
+    "HELD_BACK",
     "INCREMENTAL",
     "IN_USE",
     "LAG",
@@ -162,6 +163,7 @@ __all__ = [
     "end_stresses",
     "equilibrium",
     "group_nodes",
+    "nearest_core",
     "path_round",
     "recall",
     "rods_clear_of",

@@ -34,6 +34,10 @@ from physics.bed.kernels.state import (
 from physics.bed.kernels.vectors import Floats, Ints, Three, added, dot, inner, scaled
 
 CORE, STIFFER = 0.5, 10.0
+HELD_BACK = 50.0
+"""N with which an instrument presses on tubes at most: surgeons who draw gallbladders aside peak at
+50.7 (3.8) N at the handle (Barrie 2016, Surg Innov 23:463). In real time a rod goes no further
+against a larger force until what it presses has given way, but slides along it."""
 # Part of its distance, or of the core's radius, by which an element may come nearer to a rod at
 # once, and the rod to where the element was before; part of the core's radius at which a rod comes
 # no nearer, some kilonewtons.
@@ -159,6 +163,34 @@ def clear_of_rods(
     return fraction
 
 
+@inner
+def rod_way(rods: Floats, rods_to: Floats, press: Floats, m: int) -> Three:
+    """Return a rod's way to its target, mm, less what a hand that is held back cannot go."""
+    x = rods_to[m, TIP] - rods[m, TIP]
+    y = rods_to[m, TIP + 1] - rods[m, TIP + 1]
+    z = rods_to[m, TIP + 2] - rods[m, TIP + 2]
+    p = (press[m, 0], press[m, 1], press[m, 2])
+    square, against = dot(p, p), p[0] * x + p[1] * y + p[2] * z
+    if square <= HELD_BACK * HELD_BACK or against <= 0.0:
+        return x, y, z
+    part = against / square
+    return x - part * p[0], y - part * p[1], z - part * p[2]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def nearest_core(s: State, rod: Floats) -> float:
+    """Return how near a rod's axis would be to a tube's, over the radius of the core, at most 1."""
+    least = 1.0
+    for element in range(s.h.size):
+        if s.stiff[element, 0] == 0.0:
+            continue
+        i, j = s.ends[element, 0], s.ends[element, 1]
+        _, _, d = approach(s.x, i, j, rod)
+        rho = CORE * (0.5 * (s.thick[i, 0] + s.thick[j, 0]) + rod[RADIUS])
+        least = min(least, math.sqrt(dot(d, d)) / rho)
+    return least
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def rods_clear_of(s: State, fraction: float) -> float:
     """Return the part of the rods' way to their targets, at most `fraction`, that is clear."""
@@ -166,11 +198,7 @@ def rods_clear_of(s: State, fraction: float) -> float:
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] == 0.0:
             continue
-        to = (
-            s.rods_to[m, TIP] - s.rods[m, TIP],
-            s.rods_to[m, TIP + 1] - s.rods[m, TIP + 1],
-            s.rods_to[m, TIP + 2] - s.rods[m, TIP + 2],
-        )
+        to = rod_way(s.rods, s.rods_to, s.press, m)
         for element in range(s.h.size):
             if s.stiff[element, 0] == 0.0:
                 continue

@@ -10,7 +10,7 @@ import math
 from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
-from physics.bed.kernels.core import clear_of_rods, rods_clear_of
+from physics.bed.kernels.core import clear_of_rods, rod_way, rods_clear_of
 from physics.bed.kernels.relaxation import settle
 from physics.bed.kernels.state import (
     CLEAR,
@@ -20,23 +20,17 @@ from physics.bed.kernels.state import (
     MOVED,
     RADIUS,
     RELAXED,
-    ROD_ROWS,
     TIP,
     State,
     copy_rows,
 )
 from physics.bed.kernels.step import TURN_LIMIT, keep_shape, largest, move
 from physics.bed.kernels.tangent import add_drag, hold_nodes, solve
-from physics.bed.kernels.vectors import inlined
+from physics.bed.kernels.vectors import dot, inlined
 
 # Into how many parts a tick may be divided in which rods move far; those that are not where they
 # should be then go on in the next tick.
 MOST_PARTS = 4096
-
-
-# N, beyond any hand or device: a rod on which the beam presses with more goes no further against it
-# until the beam has given way.
-HELD_BACK = 200.0
 
 
 @inlined
@@ -45,15 +39,9 @@ def rods_part(s: State, fraction: float) -> float:
     longest, thinnest = 0.0, math.inf
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] != 0.0:
-            x = s.rods_to[m, TIP] - s.rods[m, TIP]
-            y = s.rods_to[m, TIP + 1] - s.rods[m, TIP + 1]
-            z = s.rods_to[m, TIP + 2] - s.rods[m, TIP + 2]
-            longest = max(longest, math.sqrt(x * x + y * y + z * z))
+            way = rod_way(s.rods, s.rods_to, s.press, m)
+            longest = max(longest, math.sqrt(dot(way, way)))
             thinnest = min(thinnest, s.rods[m, RADIUS])
-            p0, p1, p2 = s.press[m, 0], s.press[m, 1], s.press[m, 2]
-            pressed = p0 * p0 + p1 * p1 + p2 * p2
-            if pressed > HELD_BACK * HELD_BACK and p0 * x + p1 * y + p2 * z > 0.0:
-                return 0.0
     if fraction * longest > thinnest:  # it might jump over a strand
         fraction = thinnest / longest
     if fraction * longest > s.sums[CLEAR]:
@@ -76,8 +64,9 @@ def advance(
             s.goal[n, r] += fraction * (s.goal_to[n, r] - s.goal[n, r])
             s.load[n, r] += fraction * (s.load_to[n, r] - s.load[n, r])
     for m in range(s.rods.shape[0]):
-        for r in range(ROD_ROWS):
-            s.rods[m, r] += rods_fraction * (s.rods_to[m, r] - s.rods[m, r])
+        way = rod_way(s.rods, s.rods_to, s.press, m)
+        for r in range(3):
+            s.rods[m, TIP + r] += rods_fraction * way[r]
     account(s, int(RELAXED), relaxation)
     if s.memory.shape[1] or s.wall_memory.shape[1]:
         settle(s, seconds)
