@@ -80,6 +80,31 @@ def test_hook_lies_in_a_groove_that_deepens_with_the_pull() -> None:
     assert depths[1] > depths[0] + 0.7
 
 
+@pytest.mark.parametrize("side", [(1.0, 0.0), (0.0, -1.0), (-0.6, 0.8)])
+def test_a_nick_opens_the_torn_side_down_to_its_front_and_no_more(
+    side: tuple[float, float],
+) -> None:
+    session = pull_session(phantom())
+    skin, contact = session.drawn.surfaces[0].skin, contact_of(session)
+    contact.mark(skin.vertices, None)
+    before = skin.grid(contact.vertices.copy()).astype(float)
+    contact.open_nick(20.0, side, 0.3)
+    after, shade = skin.grid(contact.vertices), skin.grid(contact.shade)
+    away = np.abs(skin.grid(skin.stations).mean(axis=1) - 20.0)
+    heights = [
+        (each[..., 2] * side[0] + each[..., 1] * side[1]) / RADIUS for each in (before, after)
+    ]
+    there = away.argmin()
+    # At a depth of 0.3 the front is at 1 - 2 x 0.3 of the radius; the ring there lies on it.
+    assert heights[0][there].max() == pytest.approx(1.0, abs=0.1)
+    assert heights[1][there].max() == pytest.approx(0.4, abs=0.12)
+    torn = shade < 0.0
+    assert torn[there].any()
+    assert heights[0][torn].min() > 0.3
+    assert np.array_equal(after[~torn], before[~torn].astype(np.float32))
+    assert not torn[away > 0.5 * RADIUS].any()
+
+
 def test_contact_kernel_is_its_python_form() -> None:
     skin = pull_session(phantom(), vertices=500).drawn.surfaces[0].skin
     arguments = (middle(0.6), np.eye(3), bend_radius(RADIUS), wire_radius(RADIUS))
