@@ -21,6 +21,7 @@ from app.trainer.classroom.teacher_page import TeacherPage
 from app.trainer.server.trainer import Trainer
 
 OWN = {"Host": "localhost:PORT"}
+MOST_TABS = 120
 PATHS = (
     "/class", "/class/", "/class/live", "/class/results", "/class/results.csv",
     "/class/results.json", "/class/course", "/class/report",
@@ -117,9 +118,23 @@ class Trainee:
     def told(self, what: str) -> None:
         expect(self.page.get_by_test_id("class-last")).to_contain_text(what)
 
-    def lift(self, steps: int) -> None:
+    def reach(self, name: str) -> None:
+        """Go to what has a name by the tabulator alone, as who has no mouse."""
+        there = "(document.activeElement.ariaLabel || document.activeElement.textContent)"
+        for _ in range(MOST_TABS):
+            self.page.keyboard.press("Tab")
+            if self.page.evaluate(f"{there}.trim()") == name:
+                return
+        raise AssertionError(f"no way by keys to {name}")
+
+    def press_by_keys(self, name: str) -> None:
+        self.reach(name)
+        self.page.keyboard.press("Enter")
+
+    def lift(self, steps: int, *, by_mouse: bool = True) -> None:
         """Take the duct in the middle and lift it by keys, half a millimetre each."""
-        self.page.mouse.click(300, 500)  # from the field of the name to the picture
+        if by_mouse:
+            self.page.mouse.click(300, 500)  # from the field of the name to the picture
         for key in ["g", *["ArrowUp"] * steps]:
             self.page.keyboard.press(key)
 
@@ -153,7 +168,7 @@ needs = ["window"]
 """
 
 
-def test_a_level_is_begun_failed_and_begun_again_on_another_bed(
+def test_a_level_is_begun_failed_and_begun_again_on_another_bed_by_keys_alone(
     browser: Browser, running: Trainer
 ) -> None:
     lesson = lesson_of(running)
@@ -166,17 +181,18 @@ def test_a_level_is_begun_failed_and_begun_again_on_another_bed(
         levels = cas.page.get_by_test_id("class-levels")
         expect(levels).to_contain_text("Level 1 of 2: Open <it>. 0 of 1 passed in a row.")
         expect(cas.page.get_by_test_id("class-exercise")).to_have_text("Open a window.")
-        cas.trainer.press("Start the next try")
+        cas.press_by_keys("Start the next try")
         expect(cas.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
-        cas.lift(14)
+        cas.lift(14, by_mouse=False)
         cas.told("Failed.")
         expect(levels).to_contain_text("Last:")
         (kept,) = [each for each in lesson.store.runs() if each.finished]
         assert (kept.level, kept.seed, kept.passed, kept.title) == ("window", 1, False, "Open <it>")
         assert json.loads(kept.incidents or "")
-        cas.page.get_by_role("dialog").get_by_role("button", name="Close").click()
+        cas.press_by_keys("Close")
+        expect(cas.page.get_by_role("dialog")).to_be_hidden()
         # The next try is another bed.
-        cas.trainer.press("Start the next try")
+        cas.press_by_keys("Start the next try")
         expect(cas.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
         (person,) = lesson.store.people()
         view = next(each.view for each in lesson._all())
