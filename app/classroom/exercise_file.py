@@ -43,11 +43,11 @@ __all__ = [
 
 Goal = Literal[
     "window", "follow_front", "free_scar", "hold_stretch", "approach_break", "gentle_lifts",
-    "stop_bleeding", "critical_view",
+    "stop_bleeding", "critical_view", "who_is_who",
 ]  # fmt: skip
 PULLS: tuple[Goal, ...] = ("hold_stretch", "approach_break", "gentle_lifts")
 """Those of a free duct."""
-AT_ANATOMY: tuple[Goal, ...] = ("stop_bleeding", "critical_view")
+AT_ANATOMY: tuple[Goal, ...] = ("stop_bleeding", "critical_view", "who_is_who")
 """Those at an anatomy, through the laparoscope."""
 DRAWN = "drawn"
 """In the place of an anatomy's name: one that is drawn by published frequencies and a seed."""
@@ -73,7 +73,8 @@ NUMBERS: dict[Goal, tuple[str, ...]] = {
                        TIME_LIMIT),
     "gentle_lifts": ("repeats", "return_below", *HELD),
     "stop_bleeding": ("seconds", *AT_ANATOMY_LIMITS),
-    "critical_view": ("points", *AT_ANATOMY_LIMITS),
+    "who_is_who": ("points", TIME_LIMIT),
+    "critical_view": ("points", "stay", "go", *AT_ANATOMY_LIMITS),
 }  # fmt: skip
 """What an exercise file may give for a goal: fields of it, metrics that are limited, the time."""
 USUAL = "normal"

@@ -18,6 +18,8 @@ FIELDS = {
     "high": "Highest of the band",
     "seconds": "Time to stay there, or stopped, s",
     "points": "Points of the critical view, of 6",
+    "stay": "Clips to stay, 0 for the view alone",
+    "go": "Clips to go, 0 for the view alone",
     "repeats": "How many times",
     "return_below": "Led back below",
     "time_limit_s": "Time, s",

@@ -7,7 +7,7 @@ from importlib.resources import files
 
 from app.classroom.exercise_file import AssignedExercise
 from app.classroom.results import Result, Standing, best, bests, results, shown_names
-from app.classroom.store import Assignment, ClassStore, now
+from app.classroom.store import MOST_POINTS, Assignment, ClassStore, now
 
 __all__ = ["report_page", "results_html", "standing_svg", "style"]
 
@@ -32,6 +32,8 @@ def results_html(store: ClassStore) -> str:
         tries = [one for one in found if one.run.assignment_id == each.id]
         if tries:
             parts.append(_assignment_html(each, tries))
+    if pictures := _photographs(store, found):
+        parts.append(f"<details><summary>Photographs for the record</summary>{pictures}</details>")
     if levels := [one for one in found if one.run.level is not None]:
         parts.append(
             f"<details><summary>Tries at levels of the course ({len(levels)})</summary>"
@@ -41,6 +43,34 @@ def results_html(store: ClassStore) -> str:
         parts.append(
             f"<details><summary>Runs outside the class's exercises ({len(free)})</summary>"
             f"{_table(free, who=True, what=True)}</details>"
+        )
+    return "".join(parts)
+
+
+def _photographs(store: ClassStore, found: Sequence[Result]) -> str:
+    """Return the photographs of runs, each with the points that are computed and those given."""
+    taken, given, names = store.photographed(), store.ratings(), shown_names(store.people())
+    parts: list[str] = []
+    for each in reversed(found):
+        run = each.run
+        if run.id not in taken:
+            continue
+        key = html.escape(run.id, quote=True)
+        pictures = "".join(
+            f"<img width='220' alt='The triangle from the {('front', 'back')[number]}' "
+            f"src='photograph?run={key}&amp;number={number}'> "
+            for number in range(taken[run.id])
+        )
+        options = "".join(
+            f"<option{' selected' if given.get(run.id) == points else ''}>{points}</option>"
+            for points in range(MOST_POINTS + 1)
+        )
+        computed = each.measures.get("critical_view_points")
+        parts.append(
+            f"<figure>{pictures}<figcaption>{html.escape(names.get(run.person_id, ''))}, "
+            f"{html.escape(run.title)}, {_when(run.started_at)}: computed {computed} of "
+            f"{MOST_POINTS}; <label>yours <select class='rating' data-run='{key}'>"
+            f"<option value=''>none</option>{options}</select></label></figcaption></figure>"
         )
     return "".join(parts)
 

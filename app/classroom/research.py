@@ -23,6 +23,7 @@ import msgspec
 from app.bounded_file import read_bounded
 from app.classroom.class_course import ClassCourse
 from app.classroom.exercise_file import GOALS
+from app.classroom.photograph import kind_of
 from app.classroom.progress import cause_of
 from app.classroom.results import Result, flat_measures, results, shown_names
 from app.classroom.store import ClassStore, RunRecord
@@ -107,6 +108,12 @@ ABOUT = (
     Column("number", "integer", "", "Which try of this person at this task it is, from 1."),
     Column("day", "integer", "d", "Whole days since this person's first try."),
     Column("outcome", "text", "", "How it ended.", OUTCOMES),
+    Column(
+        "critical_view_by_teacher",
+        "integer",
+        "",
+        "Points of 6 that the teacher has given for its photographs; empty if none.",
+    ),
     Column("cause", "text", "", "Class of errors that a failure is put down to.", ERRORS),
 )
 INCIDENTS = (
@@ -246,6 +253,11 @@ def write_research(
             incidents += each.incidents
             statements += each.statements
             write_atomic(folder / "runs" / f"{each.row['attempt']}.json", each.file)
+            for number, picture in enumerate(each.photographs, 1):
+                make_folder(folder / "photographs", f"cannot write {folder / 'photographs'}")
+                kind = (kind_of(picture) or "image/webp").partition("/")[2]
+                name = f"{each.row['attempt']}-{number}.{kind}"
+                write_atomic(folder / "photographs" / name, picture)
     measured = _measured(attempts)
     tables = {
         "people": (PEOPLE, people),
@@ -268,6 +280,7 @@ class _Attempt(NamedTuple):
     incidents: list[Row]
     statements: list[str]
     file: bytes
+    photographs: list[bytes]
 
 
 def _attempts(
@@ -283,7 +296,7 @@ def _attempts(
         msgspec.structs.replace(each, mastered_by=_digest(key, each.mastered_by or ""))
         for each in book.standing(book.tries(who).get(who, []))
     ]
-    numbers = Counter[str]()
+    numbers, ratings = Counter[str](), store.ratings()
     for each in tries:
         kept = store.run(each.run.id)
         if kept is None:  # deleted meanwhile
@@ -313,6 +326,7 @@ def _attempts(
             "number": numbers[task],
             "day": since.days,
             "outcome": {True: "passed", False: "failed", None: "given up"}[run.passed],
+            "critical_view_by_teacher": ratings.get(each.run.id),
             "cause": "" if run.passed else cause_of(found, each.seconds),
             "incidents": len(found),
             "consequential": sum(one.consequence != "none" for one in found),
@@ -328,10 +342,13 @@ def _attempts(
             }
             for number, one in enumerate(found, 1)
         ]
+        taken = store.photographs(each.run.id)
         statements = run_statements(
             _digest(key, "export"), "1.0.3", run, book.course, standing, actor=person
         )
-        yield _Attempt(row, incidents, [one.content.decode() for one in statements], run.file)
+        yield _Attempt(
+            row, incidents, [one.content.decode() for one in statements], run.file, taken
+        )
 
 
 def _is_try(run: RunRecord) -> bool:

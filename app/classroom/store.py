@@ -19,9 +19,12 @@ from typing import Any
 
 import platformdirs
 
+from app.classroom.photograph import MOST_BYTES, kind_of
+
 __all__ = [
     "LONGEST_NAME",
     "MOST_PEOPLE",
+    "MOST_POINTS",
     "MOST_RUNS",
     "Assignment",
     "ClassFileError",
@@ -42,6 +45,7 @@ LONGEST_TITLE, LONGEST_NAME = 80, 40
 MOST_PEOPLE, MOST_RUNS, MOST_ASSIGNMENTS = 200, 500, 500
 """People of a class, runs of one of them, exercises set."""
 MOST_RUN_BYTES = 16_000_000
+MOST_PHOTOGRAPHS, MOST_POINTS = 2, 6
 BUSY_SECONDS = 10.0
 
 _TABLES = """
@@ -81,6 +85,16 @@ CREATE TABLE statement (
 ) STRICT;
 CREATE INDEX statement_waiting ON statement (id) WHERE sent_at IS NULL AND refused IS NULL;
 CREATE INDEX run_of_level ON run (person_id, started_at) WHERE level IS NOT NULL;
+"""
+# Tables beside those of version 2, which other programs of that version do not read.
+_RECORDS = """
+CREATE TABLE IF NOT EXISTS photograph (
+    run_id TEXT NOT NULL REFERENCES run ON DELETE CASCADE, number INTEGER NOT NULL,
+    content BLOB NOT NULL, PRIMARY KEY (run_id, number)
+) STRICT;
+CREATE TABLE IF NOT EXISTS rating (
+    run_id TEXT PRIMARY KEY REFERENCES run ON DELETE CASCADE, points INTEGER NOT NULL
+) STRICT;
 """
 _RUN = (
     "id, person_id, assignment_id, mode, title, started_at, finished, passed, reason, measures,"
@@ -207,6 +221,7 @@ class ClassStore:
                 self._db.executescript(
                     f"BEGIN IMMEDIATE; {_COURSE} PRAGMA user_version={VERSION}; COMMIT;"
                 )
+            self._db.executescript(_RECORDS)
             row = self._db.execute("SELECT * FROM class").fetchone()
         except sqlite3.DatabaseError as error:
             raise ClassFileError(f"cannot read {path} as a class: {error}") from error
@@ -474,6 +489,45 @@ class ClassStore:
         """Return a run with its file."""
         found = self._rows(f"SELECT {_RUN} FROM run WHERE id = ?", run_id)  # noqa: S608
         return _record(found[0]) if found else None
+
+    # Photographs of runs, and what a teacher gives for them
+
+    def keep_photographs(self, run_id: str, taken: Sequence[bytes]) -> None:
+        """Keep the photographs of a run that is kept."""
+        if len(taken) > MOST_PHOTOGRAPHS:
+            raise ClassFullError(f"A run has at most {MOST_PHOTOGRAPHS} photographs.")
+        if any(len(each) > MOST_BYTES or kind_of(each) is None for each in taken):
+            raise ValueError("That is no photograph, or too large a one.")
+        with self._writing() as db:
+            db.executemany(
+                "INSERT OR REPLACE INTO photograph (run_id, number, content) VALUES (?, ?, ?)",
+                [(run_id, number, each) for number, each in enumerate(taken)],
+            )
+
+    def photographs(self, run_id: str) -> list[bytes]:
+        """Return the photographs of a run, the front first."""
+        rows = self._rows("SELECT content FROM photograph WHERE run_id = ? ORDER BY number", run_id)
+        return [row["content"] for row in rows]
+
+    def photographed(self) -> dict[str, int]:
+        """Return how many photographs each run has that has some."""
+        rows = self._rows("SELECT run_id, count(*) FROM photograph GROUP BY run_id")
+        return {row[0]: row[1] for row in rows}
+
+    def rate(self, run_id: str, points: int | None) -> None:
+        """Keep the points of 6 that a teacher gives for a run's view, or none."""
+        if points is not None and not 0 <= points <= MOST_POINTS:
+            raise ValueError(f"A critical view has 0 to {MOST_POINTS} points, not {points}.")
+        if self.run(run_id) is None:
+            raise ValueError("There is no such run.")
+        with self._writing() as db:
+            db.execute("DELETE FROM rating WHERE run_id = ?", (run_id,))
+            if points is not None:
+                db.execute("INSERT INTO rating (run_id, points) VALUES (?, ?)", (run_id, points))
+
+    def ratings(self) -> dict[str, int]:
+        """Return the points of 6 that a teacher has given, by run."""
+        return dict(map(tuple, self._rows("SELECT run_id, points FROM rating")))
 
     # Statements for a learning record store
 

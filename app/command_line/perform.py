@@ -63,6 +63,10 @@ def perform(
         "anatomy": made.name,
         "seconds": done.seconds,
         "events": events,
+        "marks": [
+            {"structure": each.structure, "tube": each.tube, "station_mm": each.station}
+            for each in session.spatial.marks
+        ],
         "critical_view": _view(view),
         "critical_view_at_first_clip": None if clip is None else _view(clip),
         "freed_all_round_mm": done.freed_mm,

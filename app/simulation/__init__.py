@@ -21,7 +21,7 @@ from app.simulation.exercise import (
     Outcome,
     Stay,
 )
-from app.simulation.exercise_limits import exercises_offered
+from app.simulation.exercise_limits import exercise_at, exercises_offered
 from app.simulation.exercise_table import EXERCISES
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import HAND_SPEED, Grasper, Load
@@ -31,8 +31,10 @@ from app.simulation.inputs import (
     ALL_INSTRUMENTS,
     HOLDING,
     INSTRUMENTS,
+    STRUCTURES,
     Input,
     Instrument,
+    Structure,
     TheoryChoice,
 )
 from app.simulation.metrics import DISTANCE_TO_BREAK, METRIC_OF, METRICS, Metric, Metrics
@@ -122,6 +124,7 @@ __all__ = [
     "MOST_SUCTION",
     "PIECES",
     "SETTLED_SECONDS",
+    "STRUCTURES",
     "SWAB_RADIUS",
     "THESIS_PRESET",
     "TICKS_PER_SECOND",
@@ -186,6 +189,7 @@ __all__ = [
     "Stay",
     "Step",
     "Stresses",
+    "Structure",
     "SurfaceMapping",
     "SurfaceStress",
     "SwingingChain",
@@ -201,6 +205,7 @@ __all__ = [
     "bed_presets",
     "chosen_preset",
     "default_preset",
+    "exercise_at",
     "exercises_offered",
     "fits",
     "free_specimen",

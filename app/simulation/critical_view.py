@@ -1,8 +1,9 @@
 """The critical view of safety and a tented duct, as `Safety` finds them (docs/anatomy.md)."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
-__all__ = ["CriticalView", "Tenting"]
+__all__ = ["Closing", "CriticalView", "Tenting"]
 
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 
@@ -38,3 +39,13 @@ class Tenting:
     def trap(self) -> bool:
         """Whether the cystic duct goes on in the line of the common duct's lower part."""
         return self.diameters > TENTED_DIAMETERS and self.cystic_deg < self.upper_deg + TENTED_DEG
+
+
+class Closing(NamedTuple):
+    """How far a structure is marked, clipped and divided."""
+
+    tube: str
+    marked: bool
+    stay: int  # clips on the side that stays; all of them before it is divided
+    go: int  # clips on the side that goes with the gallbladder
+    divided: bool

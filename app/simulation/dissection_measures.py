@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.critical_view import CriticalView
+from app.simulation.critical_view import Closing, CriticalView
 from app.simulation.error_finder import ErrorFinder
 from app.simulation.errors import Incidents
 from app.simulation.exercise import Exercise
-from app.simulation.inputs import SCOPE_NUMBERS
+from app.simulation.inputs import SCOPE_NUMBERS, Structure
 from app.simulation.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.run_file import HANDS
 from app.simulation.safety import Safety
@@ -73,6 +73,7 @@ class DissectionMeasures(
     traction_angle_deg: float | None
     tear: DissectionTear | None
     blood_lost_ml: float | None = None  # left out where no tube has blood
+    critical_view_points: int | None = None  # most at once; left out without a gallbladder
     # of a run through a scope; left out of others
     time_out_of_picture_s: float | None = None  # with a tip of either hand outside it
     scope_path_mm: float | None = None
@@ -305,6 +306,20 @@ class DissectionRecorder:
         """Return the critical view of safety now; a `ValueError` where there is none."""
         return self._safety.critical_view()
 
+    @property
+    def named(self) -> frozenset[Structure]:
+        """The structures that were pointed at, whether it was right or not."""
+        return frozenset(each.structure for each in self.duct.marks)
+
+    @property
+    def called_unsafe(self) -> bool:
+        """Whether it was said that nothing can safely be told."""
+        return self.duct.called_unsafe
+
+    def closings(self) -> list[Closing]:
+        """Return how far each structure that enters the gallbladder is marked and closed."""
+        return self._safety.closings()
+
     @cached_property
     def _safety(self) -> Safety:
         return Safety(self.duct)
@@ -350,6 +365,7 @@ class DissectionRecorder:
                 threshold_MPa=torn.threshold,
             ),
             blood_lost_ml=self._lost,
+            critical_view_points=self._finder.most_points,
             time_out_of_picture_s=None if self._scope is None else self._unseen * TICK_SECONDS,
             scope_path_mm=None if self._scope is None else self._scope_path,
             horizon_deg=math.degrees(self._rolled / self._levelled) if self._levelled else None,

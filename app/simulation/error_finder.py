@@ -124,8 +124,12 @@ class ErrorFinder:
         self._wrong = [about is not None and name not in about for name in tubes]
         self._bleeding_since: dict[str, int] = {}
         self._safety = None if anatomy is None else _safety_of(duct)
-        self._points = 0  # of the critical view, before this tick
-        self._events = len(duct.events)
+        # of the critical view, before this tick; None without a gallbladder
+        self.most_points = None if self._safety is None else self._safety.critical_view().total
+        self._points = self.most_points or 0
+        self._unsafe = False  # whether it was called unsafe to tell
+        self._divided = False  # whether a structure that is part of it is
+        self._events, self._marks = len(duct.events), len(duct.marks)
         self.incidents = Incidents(
             Conditions(bed.yield_mm, bed.failure_mm, self.radius, ratio, hidden),
             limits,
@@ -190,8 +194,10 @@ class ErrorFinder:
         if duct.specimen.anatomy is not None:
             self._judge_tubes(forces, parted)
         self._take_events()
-        if self._safety is not None and incidents.tick % VIEW_TICKS == 0:
+        # What is divided in the view is no part of it any more: the view before it counts.
+        if self._safety is not None and incidents.tick % VIEW_TICKS == 0 and not self._divided:
             self._points = self._safety.critical_view().total
+            self.most_points = max(self.most_points or 0, self._points)
         incidents.end_tick(self._consequence(stress, out_of_sight))
 
     def _judge_picture(self, i: int, hand: Hand, watch: _Watch, *, acts: bool) -> None:
@@ -208,7 +214,7 @@ class ErrorFinder:
 
     def _take_events(self) -> None:
         """Note what tore, was clipped or was divided in this tick."""
-        duct, self._torn = self._duct, False
+        duct, self._torn, incidents = self._duct, False, self.incidents
         for event in duct.events[self._events :]:
             if event.kind in ("clip", "division"):
                 self._judge_closing(event)
@@ -226,6 +232,24 @@ class ErrorFinder:
         self._events = len(duct.events)
         if duct.nicked != self._nicked:
             self._judge_nicks()
+        safe = self._points >= incidents.limits["named_unsafe"]["points"]
+        for mark in duct.marks[self._marks :]:
+            safety, tube = self._safety, duct.tubes.names.index(mark.tube)
+            if safety is not None and mark.tube not in safety.tubes_of[mark.structure]:
+                self.incidents.note(
+                    "mistaken", None, mark.station, tube=tube, name=self._titles[tube],
+                    taken=mark.structure,
+                )  # fmt: skip
+            if not safe:
+                incidents.note(
+                    "named_unsafe", None, mark.station, tube=tube, name=self._titles[tube],
+                    taken=mark.structure, n=self._points,
+                )  # fmt: skip
+        self._marks = len(duct.marks)
+        if duct.called_unsafe and not self._unsafe:
+            self._unsafe = True
+            if safe:
+                incidents.note("held_back", None, None, n=self._points)
 
     def _judge_nicks(self) -> None:
         """Note the walls that tore farther in this tick without parting."""
@@ -267,7 +291,7 @@ class ErrorFinder:
         safety = self._safety
         if event.kind == "clip" or safety is None or event.tube not in safety.entering:
             return
-        points = self._points
+        points, self._divided = self._points, True
         if points < incidents.limits["divided_before_view"]["points"]:
             incidents.note(
                 "divided_before_view",

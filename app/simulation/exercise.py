@@ -9,8 +9,16 @@ import msgspec
 from app.anatomy import Anatomy
 from app.bed_preset import BedPreset
 from app.simulation.errors import ERROR_CLASSES
-from app.simulation.goals import BreakApart, CriticalView, FreeLength, Goal, Stay, StopBleeding
-from app.simulation.inputs import INSTRUMENTS, Instrument
+from app.simulation.goals import (
+    BreakApart,
+    CriticalView,
+    FreeLength,
+    Goal,
+    Stay,
+    StopBleeding,
+    WhoIsWho,
+)
+from app.simulation.inputs import INSTRUMENTS, Instrument, Structure
 from app.simulation.metrics import METRIC_OF
 
 __all__ = [
@@ -25,6 +33,7 @@ __all__ = [
     "Outcome",
     "Stay",
     "StopBleeding",
+    "WhoIsWho",
     "feedback_visible",
 ]
 
@@ -35,6 +44,7 @@ FADE_SECONDS = 30.0
 # s. Fading feedback is shown once in each period, for a shorter part each time.
 FADE_PERIOD = 3.0
 HANDS = 2
+MOST_LIFTED_MM = 20.0
 FRACTIONS = ("peak_stress_ratio", "smallest_distance_to_break")
 """Metrics from 0 to 1: a limit at either end limits nothing, or all."""
 
@@ -83,12 +93,22 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     anatomy: str | Anatomy | None = None  # name of a shipped one, or another in full
     torn: str | None = None  # tube of it that tears in its middle with the first touch
     soils: bool = True  # whether a scope's lens is soiled by jets of blood and by touch
+    # part of what holds its structures that has parted, the nearest to the viewer first, 0 to 1
+    exposed: float | None = None
+    lifted_mm: float = 0.0  # by a grasper on the gallbladder, off the bed and off the junction
 
     def __post_init__(self) -> None:
         if (self.bed is None) == (self.anatomy is None):
             raise ValueError("opening must have a bed or an anatomy, one of them")
         if self.torn is not None and self.anatomy is None:
             raise ValueError("opening has a torn tube, which only an anatomy has")
+        shown = self.exposed is not None or self.lifted_mm != 0.0
+        if shown and self.anatomy is None:
+            raise ValueError("opening exposes and lifts at an anatomy only")
+        if self.exposed is not None and not 0.0 <= self.exposed <= 1.0:
+            raise ValueError(f"exposed must be from 0 to 1, got {self.exposed}")
+        if not 0.0 <= self.lifted_mm <= MOST_LIFTED_MM:
+            raise ValueError(f"lifted_mm must be 0 to {MOST_LIFTED_MM:g}, got {self.lifted_mm}")
         opened = self.opened_mm
         if opened is not None and not 0.0 <= opened[0] < opened[1] < math.inf:
             raise ValueError(f"opened_mm must rise, got {opened}")
@@ -119,6 +139,22 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
                 f"time_limit_s must be at most {LONGEST_SECONDS:g} s and long enough for the "
                 f"goal's {self.goal.least_seconds:.3g} s, got {self.time_limit_s}"
             )
+
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """What is to be pointed at."""
+        goal = self.goal
+        return goal.structures if isinstance(goal, CriticalView | WhoIsWho) else ()
+
+    @property
+    def looks_only(self) -> bool:
+        """Whether no hand moves: it is pointed at, or said that nothing can safely be told."""
+        return isinstance(self.goal, WhoIsWho)
+
+    @property
+    def points_from(self) -> float:
+        """The progress, 0 to 1, from which on it is pointed at."""
+        return 0.5 if isinstance(self.goal, CriticalView) else 0.0
 
     @property
     def task(self) -> str:

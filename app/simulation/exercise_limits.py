@@ -26,6 +26,7 @@ from app.simulation.exercise import (
     Opening,
     Stay,
     StopBleeding,
+    WhoIsWho,
 )
 from app.simulation.exercise_table import EXERCISES
 from app.simulation.goals import Goal
@@ -37,7 +38,7 @@ from app.simulation.session import Session
 from app.simulation.spatial_tissue import FREED_FRACTION
 from app.simulation.specimen import Specimen
 
-__all__ = ["exercises_offered"]
+__all__ = ["exercise_at", "exercises_offered"]
 
 # Deflection to hold, and its tolerance, over the deflection at break.
 HOLD_FRACTION, HOLD_TOLERANCE = 0.6, 0.05
@@ -69,6 +70,7 @@ LOOSEST = 0.95
 MOST_SEEDS = 20
 SCAR = "scar"
 POINTS = 5  # of the critical view of safety
+STAY_CLIPS, GO_CLIPS = 2, 1  # on the side of a structure that stays, and on that which goes
 STOPPED_SECONDS = 3.0
 FEW = 300
 """Vertices of a duct that nobody sees."""
@@ -77,7 +79,11 @@ MOST_STRANDS = 10**6
 
 
 IN_BED = ("window", "follow_front", "free_scar")
-AT_ANATOMY = ("stop_bleeding", "critical_view")
+AT_ANATOMY = ("stop_bleeding", "critical_view", "who_is_who")
+EXPOSED = (0.35, 0.75, 1.0)
+"""Parts of what holds the structures that have parted in a picture, by its anatomy's seed."""
+TRACTION_MM = 9.0
+"""mm that the gallbladder is lifted in each other picture: it draws out the common duct."""
 
 
 def exercises_offered(session: Session, *, relaxes: bool = False) -> tuple[Exercise, ...]:
@@ -109,14 +115,15 @@ def _exercise(
     )
 
 
+def exercise_at(anatomy: Anatomy, name: str) -> Exercise | None:
+    """Return one of the exercises at an anatomy, or None where it cannot be done."""
+    return _offered_at(msgspec.json.encode(anatomy), name)
+
+
 def _at_anatomy(anatomy: Anatomy) -> tuple[Exercise, ...]:
     """Return the exercises at an anatomy; none where there is no gallbladder."""
-    key = msgspec.json.encode(anatomy)
-    return tuple(
-        exercise
-        for exercise in (_offered_at(key, name) for name in AT_ANATOMY)
-        if exercise is not None
-    )
+    found = (exercise_at(anatomy, name) for name in AT_ANATOMY)
+    return tuple(exercise for exercise in found if exercise is not None)
 
 
 @lru_cache(maxsize=64)
@@ -130,9 +137,20 @@ def _offered_at(anatomy_json: bytes, name: str) -> Exercise | None:
         return None
     where = Opening(anatomy=anatomy_or_name(anatomy))
     if name == "critical_view":
-        exercise = _exercise(name, CriticalView(POINTS), [], where)
+        exercise = _exercise(name, CriticalView(POINTS, stay=STAY_CLIPS, go=GO_CLIPS), [], where)
         about = (safety.gallbladder, *safety.entering)
         return msgspec.structs.replace(exercise, about=about)
+    if name == "who_is_who":
+        seed = anatomy.seed or 0
+        shown = msgspec.structs.replace(
+            where,
+            exposed=EXPOSED[seed % len(EXPOSED)],
+            lifted_mm=TRACTION_MM * (seed // len(EXPOSED) % 2),
+        )
+        exercise = _exercise(name, WhoIsWho(POINTS), [], shown)
+        # Judged once all is told.
+        limits = (msgspec.structs.replace(each, at_end=True) for each in exercise.limits)
+        return msgspec.structs.replace(exercise, limits=tuple(limits))
     kinds = {each.name: each.kind for each in anatomy.tube}
     artery = next((each for each in safety.entering if kinds[each] == "artery"), None)
     if artery is None:

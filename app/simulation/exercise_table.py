@@ -47,8 +47,17 @@ EXERCISES: dict[str, ExerciseKind] = {
         "Critical view",
         "show the two structures that alone enter the gallbladder, clear the triangle and free "
         "the lower third of the plate",
-        ("wrong_structure", "clip_wrong_tube", "divided_before_view", "bleeding"),
+        (
+            "wrong_structure", "mistaken", "clip_wrong_tube", "divided_before_view", "clip_short",
+            "bleeding",
+        ),
         ALL_INSTRUMENTS, time_limit_s=1200.0,
+    ),
+    "who_is_who": ExerciseKind(
+        "Who is who",
+        "choose a structure and press it in the picture; the scope may be moved, no hand is",
+        ("mistaken", "named_unsafe", "held_back"),
+        ALL_INSTRUMENTS, time_limit_s=180.0,
     ),
     "stop_bleeding": ExerciseKind(
         "Stop a bleeding",

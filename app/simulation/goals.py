@@ -1,19 +1,32 @@
 """Goals of exercises, as data, and how far an attempt has come with one."""
 
 import math
+from collections.abc import Sequence
 from typing import ClassVar, Literal, Protocol
 
 import msgspec
 
+from app.anatomy import tube_title
 from app.simulation.clock import TICK_SECONDS
+from app.simulation.critical_view import Closing
 from app.simulation.grasped_beam import GraspedBeam
+from app.simulation.inputs import STRUCTURES, Structure
 from app.simulation.metrics import Metrics
 from app.simulation.metrics_recorder import MetricsRecorder
 
-__all__ = ["BreakApart", "CriticalView", "Followed", "FreeLength", "Goal", "Stay", "StopBleeding"]
+__all__ = [
+    "BreakApart",
+    "CriticalView",
+    "Followed",
+    "FreeLength",
+    "Goal",
+    "Stay",
+    "StopBleeding",
+    "WhoIsWho",
+]
 
 MOST_REPEATS = 100
-MOST_POINTS, VIEW_TICKS = 6, 10
+MOST_POINTS, VIEW_TICKS, MOST_CLIPS = 6, 10, 4
 LOST_MM = 3.0
 """mm freed where the exercise does not ask for it, from which on that is worth a word."""
 Span = tuple[float, float]
@@ -298,11 +311,16 @@ class _Breaking:
 
 
 class CriticalView(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="critical_view"
-):
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
+    tag_field="kind", tag="critical_view",
+):  # fmt: skip
     """Free what must be free before anything is clipped: the critical view of safety."""
 
     points: int  # of 6
+    # Then each structure that enters the gallbladder is marked, and divided between so many clips
+    # on the side that stays and on that which goes; with none it ends with the view.
+    stay: int = 0
+    go: int = 0
 
     least_seconds = TICK_SECONDS
     band: ClassVar[Span | None] = None
@@ -310,6 +328,9 @@ class CriticalView(
     def __post_init__(self) -> None:
         if not 1 <= self.points <= MOST_POINTS:
             raise ValueError(f"points must be from 1 to {MOST_POINTS}, got {self.points}")
+        for name, count in (("stay", self.stay), ("go", self.go)):
+            if not 0 <= count <= MOST_CLIPS:
+                raise ValueError(f"{name} must be from 0 to {MOST_CLIPS} clips, got {count}")
 
     def band_on(self, duct: GraspedBeam) -> Span | None:
         """None: it is no deflection."""
@@ -317,7 +338,23 @@ class CriticalView(
     @property
     def words(self) -> str:
         """What to do, as a sentence begins."""
-        return f"Reach {self.points} of {MOST_POINTS} points of the critical view of safety"
+        view = f"Reach {self.points} of {MOST_POINTS} points of the critical view of safety"
+        if not self.closes:
+            return view
+        return (
+            f"{view}, mark the cystic duct and the artery by pointing, and divide each between "
+            f"clips, {self.stay} to stay and {self.go} to go"
+        )
+
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """What is to be pointed at."""
+        return ("cystic duct", "cystic artery") if self.closes else ()
+
+    @property
+    def closes(self) -> bool:
+        """Whether structures are marked and divided once the view is reached."""
+        return self.stay + self.go > 0
 
     def follow(self) -> Followed:
         """Return what follows an attempt."""
@@ -325,14 +362,15 @@ class CriticalView(
 
     def reached(self, metrics: Metrics) -> str:
         """Return how it was reached, in a sentence."""
+        then = ", marked both structures and divided them between clips" if self.closes else ""
         return (
-            f"Reached {self.points} of {MOST_POINTS} points with nothing torn, at no more than "
-            f"{100.0 * metrics['peak_stress_ratio']:.0f} % of a wall's break."
+            f"Reached {self.points} of {MOST_POINTS} points with nothing torn{then}, at no more "
+            f"than {100.0 * metrics['peak_stress_ratio']:.0f} % of a wall's break."
         )
 
 
 class _Viewing:
-    """Judges the critical view, three times a second."""
+    """Judges the critical view, three times a second, and then how structures are closed."""
 
     def __init__(self, goal: CriticalView) -> None:
         self._goal, self._ticks, self._points = goal, 0, 0
@@ -340,6 +378,8 @@ class _Viewing:
 
     def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""
+        if self._points >= self._goal.points:  # what is divided is no part of the view any more
+            return self._close(recorder.closings())
         if self._ticks % VIEW_TICKS == 0:
             view = recorder.critical_view()
             self._points = view.total
@@ -349,10 +389,37 @@ class _Viewing:
                 f"{100.0 * view.triangle:.0f} %, at the plate {100.0 * view.plate:.0f} %"
             )
         self._ticks += 1
-        return self._points >= self._goal.points
+        if self._points < self._goal.points:
+            return False
+        return self._close(recorder.closings()) if self._goal.closes else True
+
+    def _close(self, closings: Sequence[Closing]) -> bool:
+        """Say what is to be done with each structure; return whether all is."""
+        goal = self._goal
+        steps = left = 0
+        words: list[str] = []
+        for each in closings:
+            name = tube_title(each.tube)
+            # Before it is divided, no clip is on either side yet.
+            clipped = min(each.stay, goal.stay) + min(each.go, goal.go)
+            if not each.divided:
+                clipped = min(each.stay, goal.stay + goal.go)
+            missing = goal.stay + goal.go - clipped
+            steps += 2 + goal.stay + goal.go
+            left += missing + (not each.marked) + (not each.divided)
+            if not each.marked:
+                words.append(f"mark the {name}")
+            elif missing:
+                words.append(f"clip the {name}, {clipped} of {goal.stay + goal.go} clips")
+            elif not each.divided:
+                words.append(f"divide the {name}, {goal.stay} clips stay and {goal.go} go")
+        self.progress = 0.5 + 0.5 * (1.0 - left / steps) if steps else 1.0
+        self.so_far = self.standing = f"the view reached; {'; '.join(words)}" if words else ""
+        return not left
 
     def _show(self, parts: str) -> None:
-        self.progress = min(self._points / self._goal.points, 1.0)
+        part = min(self._points / self._goal.points, 1.0)
+        self.progress = 0.5 * part if self._goal.closes else part
         self.so_far = f"{self._points} of {self._goal.points} points"
         self.standing = self.so_far + parts
 
@@ -412,5 +479,57 @@ class _Stopping:
         return self._ticks >= self._wanted
 
 
-Goal = Stay | FreeLength | BreakApart | CriticalView | StopBleeding
+class WhoIsWho(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True,
+    tag_field="kind", tag="who_is_who",
+):  # fmt: skip
+    """Name the structures of a picture, or say that too little is seen of them."""
+
+    points: int = 5  # of the critical view, from which on it is safe to tell
+
+    least_seconds = TICK_SECONDS
+    band: ClassVar[Span | None] = None
+    structures: ClassVar[tuple[Structure, ...]] = STRUCTURES
+    words = (
+        "Point at the cystic duct, the cystic artery and the common duct, or say that it is not "
+        "yet safe to tell"
+    )
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.points <= MOST_POINTS:
+            raise ValueError(f"points must be from 1 to {MOST_POINTS}, got {self.points}")
+
+    def band_on(self, duct: GraspedBeam) -> Span | None:
+        """None: it is no deflection."""
+
+    def follow(self) -> Followed:
+        """Return what follows an attempt."""
+        return _Naming()
+
+    def reached(self, metrics: Metrics) -> str:
+        """Return how it was reached, in a sentence."""
+        points = metrics["critical_view_points"]
+        of = f"{points} of {MOST_POINTS} points of the critical view"
+        if points >= self.points:
+            return f"All three named as what they are, which is safe with {of}."
+        return f"Not yet safe to tell, with {of}."
+
+
+class _Naming:
+    """Waits until all structures are named, or it is called unsafe."""
+
+    def __init__(self) -> None:
+        self._show(0)
+
+    def take(self, recorder: MetricsRecorder) -> bool:
+        """Take a tick; return whether the goal is reached."""
+        self._show(len(recorder.named))
+        return recorder.called_unsafe or self.progress == 1.0
+
+    def _show(self, count: int) -> None:
+        self.progress = count / len(STRUCTURES)
+        self.standing = self.so_far = f"{count} of {len(STRUCTURES)} pointed at"
+
+
+Goal = WhoIsWho | Stay | FreeLength | BreakApart | CriticalView | StopBleeding
 """What an exercise asks for. Each has `words`, `band`, `least_seconds`, and follows attempts."""

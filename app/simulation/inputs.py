@@ -16,6 +16,7 @@ __all__ = [
     "MOST_INPUTS",
     "MOST_TICKS",
     "SCOPE_NUMBERS",
+    "STRUCTURES",
     "VECTORS",
     "VIEWS",
     "WITHOUT_VALUE",
@@ -23,6 +24,7 @@ __all__ = [
     "InputKind",
     "InputLog",
     "Instrument",
+    "Structure",
     "TheoryChoice",
     "Value",
 ]
@@ -42,9 +44,13 @@ INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper", "dissector", "swab")
 """Those for a duct in which nothing flows."""
 HOLDING: tuple[Instrument, ...] = ("hook", "grasper")
 
+Structure = Literal["cystic duct", "cystic artery", "common duct"]
+"""What a tube is taken for by who marks it."""
+STRUCTURES: tuple[Structure, ...] = get_args(Structure)
+
 InputKind = Literal[
     "instrument", "grab", "move", "open", "release", "lift", "force", "grasp", "threshold",
-    "theory", "aim", "spread", "clip", "divide", "suck", "view", "wipe",
+    "theory", "aim", "spread", "clip", "divide", "suck", "view", "wipe", "mark", "unsafe",
 ]  # fmt: skip
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
 NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
@@ -52,7 +58,7 @@ REPLACED: frozenset[InputKind] = frozenset(
     {"move", "open", "lift", "threshold", "aim", "spread", "suck", "view"}
 )
 """Of these only the last between two ticks has an effect: it replaces the one before."""
-WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide", "wipe"})
+WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide", "wipe", "unsafe"})
 VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread"})
 """Kinds whose value is nothing, and three numbers."""
 SCOPE_NUMBERS = 12
@@ -104,7 +110,9 @@ class Input(msgspec.Struct, frozen=True, array_like=True):
     part; "clip", "divide": None; "wipe": None, of the scope's lens; "suck": ml/s; "view",
     whichever the hand: (3,) unit direction towards the viewer, where it is known (3,) mm of the
     camera's place, and through a scope its six numbers: pan, tilt, depth, cable, head and the
-    optical axis's angle, rad and mm; then how far its horizon is turned, rad.
+    optical axis's angle, rad and mm; then how far its horizon is turned, rad; "mark": the number of
+    the structure, of the tube that is taken for it, and the station on it, mm; "unsafe": None, that
+    it is not yet safe to tell.
     """
 
     tick: int  # number of ticks done before it
@@ -153,6 +161,8 @@ class InputLog:
             value = ALL_INSTRUMENTS[int(numbers[0])]
         elif kind == "grab":
             value = (int(numbers[0]), numbers[1])
+        elif kind == "mark":
+            value = (int(numbers[0]), int(numbers[1]), numbers[2])
         elif kind == "theory":
             value = TheoryChoice.of(self._theories[int(numbers[0])])
         else:

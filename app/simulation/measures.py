@@ -5,10 +5,11 @@ import math
 import msgspec
 
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.critical_view import CriticalView
+from app.simulation.critical_view import Closing, CriticalView
 from app.simulation.errors import Incidents
 from app.simulation.errors.pace import PullErrorFinder
 from app.simulation.exercise import Exercise
+from app.simulation.inputs import Structure
 from app.simulation.planar_tissue import PlanarTissue
 from physics import BreakEvent
 
@@ -202,6 +203,20 @@ class PullMetrics:
     def critical_view(self) -> CriticalView:
         """Raise a `ValueError`: a free duct alone has none."""
         raise ValueError("a critical view of safety needs an anatomy, not a single duct")
+
+    @property
+    def named(self) -> frozenset[Structure]:
+        """Nothing: there is one duct."""
+        return frozenset()
+
+    @property
+    def called_unsafe(self) -> bool:
+        """False: there is nothing to tell apart."""
+        return False
+
+    def closings(self) -> list[Closing]:
+        """Return nothing: there is no gallbladder."""
+        return []
 
     def measures(self) -> Measures:
         """Return the measures so far."""

@@ -181,6 +181,10 @@ METRICS = (
         passed="{value:.3g} ml of blood were lost, more than {limit:.3g} ml",
     ),
     Metric(
+        "critical_view_points", "Critical view of safety", "of 6", "higher",
+        "Most points of the critical view of safety at once, with nothing torn.",
+    ),
+    Metric(
         "time_out_of_picture_s", "Time with a tip out of the picture", "s", "lower",
         "Time for which the tip of either hand was outside the scope's round picture.",
         limited="a tip out of the picture for no more than {limit:.3g} s",

@@ -4,8 +4,9 @@ from typing import Protocol
 
 import msgspec
 
-from app.simulation.critical_view import CriticalView
+from app.simulation.critical_view import Closing, CriticalView
 from app.simulation.errors import Incidents
+from app.simulation.inputs import Structure
 
 __all__ = ["MetricsRecorder"]
 
@@ -53,6 +54,20 @@ class MetricsRecorder(Protocol):
 
     def critical_view(self) -> CriticalView:
         """Return the critical view of safety now; a `ValueError` where there is none."""
+        ...
+
+    @property
+    def named(self) -> frozenset[Structure]:
+        """The structures that were pointed at, whether it was right or not."""
+        ...
+
+    @property
+    def called_unsafe(self) -> bool:
+        """Whether it was said that nothing can safely be told."""
+        ...
+
+    def closings(self) -> list[Closing]:
+        """Return how far each structure that enters the gallbladder is marked and closed."""
         ...
 
     def start(self) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from app.bounded_file import decoded, read_bounded
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.critical_view import CriticalView, Tenting
-from app.simulation.inputs import Instrument
+from app.simulation.inputs import Instrument, Structure
 from app.simulation.safety import Safety
 from app.simulation.session import Session
 from app.simulation.spatial_tissue import Event
@@ -26,7 +26,18 @@ Floats = NDArray[np.float64]
 Number: TypeAlias = int | float
 Point: TypeAlias = tuple[Number, Number, Number]
 Do: TypeAlias = Literal[
-    "take", "grab", "lead", "release", "open", "aim", "spread", "clip", "divide", "suck", "wait"
+    "take",
+    "grab",
+    "lead",
+    "release",
+    "open",
+    "aim",
+    "spread",
+    "clip",
+    "divide",
+    "suck",
+    "wait",
+    "mark",
 ]
 
 MOST_BYTES = 1_000_000
@@ -42,6 +53,7 @@ LOOK_TICKS = 5
 NEEDED: dict[Do, tuple[str, ...]] = {
     "take": ("instrument",), "grab": ("tube", "at_mm"), "open": ("opening_mm",),
     "aim": ("direction",), "spread": ("direction",), "suck": ("rate_ml_s",), "wait": ("seconds",),
+    "mark": ("structure", "tube", "at_mm"),
 }  # fmt: skip
 
 
@@ -55,6 +67,7 @@ class Step(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     do: Do | None = None
     hand: Literal[1, 2] = 1
     instrument: Instrument | None = None
+    structure: Structure | None = None  # that the tube is taken for
     tube: str | None = None
     at_mm: Number | None = None
     to_mm: Point | None = None
@@ -251,6 +264,10 @@ class _Hands:
             done = session.clip(hand)
             if done and self.out.view_at_first_clip is None:
                 self.out.view_at_first_clip = before
+        elif step.do == "mark":
+            assert step.structure is not None  # noqa: S101 (checked)
+            tube = self.tissue.tubes.names.index(step.tube or "")
+            done = session.mark(step.structure, tube, float(step.at_mm or 0.0))
         elif step.do == "divide":
             done = session.divide(hand)
         elif step.do == "wait":

@@ -17,6 +17,7 @@ from app.simulation.inputs import (
     ALL_INSTRUMENTS,
     MOST_INPUTS,
     MOST_TICKS,
+    STRUCTURES,
     VECTORS,
     VIEWS,
     WITHOUT_VALUE,
@@ -302,6 +303,17 @@ def _check_value(each: Input, where: str) -> None:
         ):
             raise RunFileError(
                 f"{where} must have a tube's number, from 0, and a station in mm, got {value!r}"
+            )
+    elif each.kind == "mark":
+        if (
+            not isinstance(value, tuple)
+            or not _finite(value, 3)
+            or value[0] not in range(len(STRUCTURES))
+            or value[1] not in range(MOST_TUBES)
+        ):
+            raise RunFileError(
+                f"{where} must have a structure's number, from 0 to {len(STRUCTURES) - 1}, a "
+                f"tube's, from 0, and a station in mm, got {value!r}"
             )
     elif not isinstance(value, float | int) or not math.isfinite(value):
         raise RunFileError(f"{where} must have a number, got {value!r}")

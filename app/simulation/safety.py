@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import Anatomy
-from app.simulation.critical_view import CriticalView, Tenting
+from app.simulation.critical_view import Closing, CriticalView, Tenting
+from app.simulation.inputs import Structure
 from app.simulation.spatial_tissue import SpatialTissue
+from app.simulation.structures import LOWER_FRACTION, entering_tubes, named_structures
 
 __all__ = ["Safety"]
 
@@ -26,7 +28,6 @@ STRUCTURE_MM = 6.0
 """Length of each structure, next to the gallbladder, that must be free all round."""
 MARGIN_MM = 2.0
 """mm by which the triangle of the axes is wider."""
-LOWER_FRACTION = 1.0 / 3.0
 BIN_MM = 1.0
 ALONG_MM = 10.0
 """Length of duct, to either side of the junction, over which its direction is taken."""
@@ -51,14 +52,8 @@ class Safety:
         if anatomy is None:
             raise ValueError("a critical view of safety needs an anatomy, not a single duct")
         self._tissue = tissue
-        self.gallbladder, self.cystic, self.common = _named(anatomy)
-        entering = [
-            (join.tube, join.end) for join in anatomy.join if join.to == self.gallbladder
-        ] + [
-            (join.to, 0 if join.at_mm == "begin" else 1)
-            for join in anatomy.join
-            if join.tube == self.gallbladder
-        ]
+        self.gallbladder, self.cystic, self.common = named_structures(anatomy)
+        entering = entering_tubes(anatomy, self.gallbladder)
         names, strands = tissue.tubes.names, tissue.tubes.strands
         tubes = tissue.tubes.network.tubes
         holder, foot = strands.tubes, strands.to
@@ -71,7 +66,7 @@ class Safety:
             )
 
         self._about: dict[str, Mask] = {}
-        for name, end in entering:
+        for name, end in entering.items():
             span = tubes[name].span
             self._about[name] = (
                 on(name, 0.0, STRUCTURE_MM) if end == 0 else on(name, span - STRUCTURE_MM, span)
@@ -86,8 +81,31 @@ class Safety:
         )
         self._triangle = self._inside(anatomy)
         self._all = {name: on(name, 0.0, tube.span) for name, tube in tubes.items()}
-        self.entering = dict(entering)
+        self.entering = entering
         """Each structure that enters the gallbladder, and the end of it that does."""
+
+        kinds = {each.name: each.kind for each in anatomy.tube}
+        self.tubes_of: dict[Structure, set[str]] = {
+            "cystic duct": {self.cystic},
+            "cystic artery": {name for name in self.entering if kinds[name] == "artery"},
+            "common duct": {self.common},
+        }
+        """The tubes that each structure is."""
+
+    def closings(self) -> list[Closing]:
+        """Return how far each structure that enters the gallbladder is marked and closed."""
+        tissue, out = self._tissue, list[Closing]()
+        for name, end in self.entering.items():
+            own = [each for each in tissue.events if each.tube == name]
+            clips = [each.station for each in own if each.kind == "clip"]
+            cuts = [each.station for each in own if each.kind == "division"]
+            # Before it is divided, nothing is on the side that goes.
+            stay = clips if not cuts else [at for at in clips if (at < cuts[0]) == (end == 1)]
+            marked = any(
+                each.tube == name and name in self.tubes_of[each.structure] for each in tissue.marks
+            )
+            out.append(Closing(name, marked, len(stay), len(clips) - len(stay), bool(cuts)))
+        return out
 
     def _inside(self, anatomy: Anatomy) -> Mask:
         """Return which strands lie in the triangle of junction, neck and hilum at rest."""
@@ -193,20 +211,6 @@ class Safety:
 
 def _points(fraction: float) -> int:
     return 2 if fraction >= ENOUGH else 1 if fraction >= SOME else 0
-
-
-def _named(anatomy: Anatomy) -> tuple[str, str, str]:
-    """Return the names of the gallbladder, the cystic and the common duct."""
-    bladder = next((tube.name for tube in anatomy.tube if tube.kind == "organ"), None)
-    if bladder is None:
-        raise ValueError(f"anatomy {anatomy.name!r} has no gallbladder: no tube of kind organ")
-    ducts = {tube.name for tube in anatomy.tube if tube.kind == "duct"}
-    pairs = [(join.tube, join.to) for join in anatomy.join]
-    pairs += [(b, a) for a, b in pairs]
-    for cystic in (b for a, b in pairs if a == bladder and b in ducts):
-        for common in (b for a, b in pairs if a == cystic and b in ducts - {cystic}):
-            return bladder, cystic, common
-    raise ValueError(f"anatomy {anatomy.name!r} has no duct from {bladder!r} to another duct")
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

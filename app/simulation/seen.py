@@ -60,6 +60,13 @@ class Sights:
                 )
                 for event in spatial.events
             ]
+            seen += [
+                Seen(
+                    max(mark.tick - start, 0) * TICK_SECONDS,
+                    f"{tube_title(mark.tube)} is taken for the {mark.structure}",
+                )
+                for mark in spatial.marks
+            ]
 
     @property
     def seen(self) -> list[Seen]:

@@ -28,7 +28,15 @@ from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.errors import Incident
 from app.simulation.exercise import Exercise, ExerciseInputs, Feedback
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
-from app.simulation.inputs import ALL_INSTRUMENTS, Input, InputKind, Instrument, TheoryChoice
+from app.simulation.inputs import (
+    ALL_INSTRUMENTS,
+    STRUCTURES,
+    Input,
+    InputKind,
+    Instrument,
+    Structure,
+    TheoryChoice,
+)
 from app.simulation.measures import PullRecorder
 from app.simulation.metrics import Metrics
 from app.simulation.metrics_recorder import MetricsRecorder
@@ -58,6 +66,8 @@ MOST_TRIES = 20
 """Most finished exercises kept for comparison."""
 # What an exercise that counts the hand alone does not take.
 BY_SLIDER: frozenset[InputKind] = frozenset({"force", "grasp", "threshold"})
+# What acts in an exercise in which no hand moves.
+LOOKS: frozenset[InputKind] = frozenset({"view", "wipe", "mark", "unsafe"})
 # What still acts when an exercise is over: what ends a pull, and settings of the next one.
 AFTER_RESULT: frozenset[InputKind] = frozenset({"release", "grasp", "threshold"})
 
@@ -199,6 +209,14 @@ class Session:
         """Divide the tubes between scissors' blades; return whether there was one."""
         return self._act(hand, "divide") is not None
 
+    def mark(self, structure: Structure, tube: int, station: float) -> bool:
+        """Take a tube for a structure, mm from its first end; return whether there is one."""
+        return self._act(0, "mark", STRUCTURES.index(structure), tube, station) is not None
+
+    def call_unsafe(self) -> None:
+        """Say that it is not yet safe to tell which structure is which."""
+        self._act(0, "unsafe")
+
     def look_from(self, view: Sequence[float] | NDArray[np.float64]) -> None:
         """See a duct in space from elsewhere: the (3,), (6,) or (13,) numbers of an `Input`."""
         # Strands that part out of sight, and stabs behind a duct, are judged by it.
@@ -238,6 +256,9 @@ class Session:
         """Apply an input and log it as it has acted; return that, or None if it did nothing."""
         with self.lock:
             if kind in BY_SLIDER and self.run.hand_only:
+                return None
+            exercise = None if self.run.over else self.run.exercise
+            if exercise is not None and exercise.looks_only and kind not in LOOKS:
                 return None
             if self.run.closed and kind not in AFTER_RESULT:
                 return None

@@ -25,10 +25,12 @@ from app.simulation.inputs import (
     ALL_INSTRUMENTS,
     HOLDING,
     INSTRUMENTS,
+    STRUCTURES,
     VIEWS,
     Applied,
     InputKind,
     Instrument,
+    Structure,
 )
 from app.simulation.preset import OrganBeam
 from app.simulation.reading import FluidReading, NickReading, Reading, Vector
@@ -42,6 +44,7 @@ from app.simulation.run_file import (
 )
 from app.simulation.sight import STEADY, STEADY_MM, TOWARDS_VIEWER
 from app.simulation.specimen import Specimen
+from app.simulation.structures import entering_tubes, front_strands, named_structures
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.trocar import TROCARS
 from kernel_cache import njit
@@ -61,6 +64,7 @@ __all__ = [
     "Event",
     "EventKind",
     "HandContact",
+    "Mark",
     "Rod",
     "SpatialTissue",
 ]  # fmt: skip
@@ -77,6 +81,10 @@ LEAST_FLOW = 1e-3
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
 SCOPE_INSTRUMENTS: tuple[Instrument, ...] = ("grasper", "dissector")
 """At an anatomy: the assistant's hand holds, the surgeon's parts."""
+LIFTED_AT_MM, LIFT_MM_S, SETTLE_TICKS = 10.0, 10.0, 30
+"""Where an exercise lifts the gallbladder, mm from its neck; at what mm/s; ticks of rest."""
+MOST_LIFTED = 0.75
+"""Largest stress over strength, from which on it is lifted no farther."""
 CLEAR_MM = 18.0
 """mm before the tubes of an anatomy, on the way to its trocar, where an empty instrument waits."""
 # Of the span, where the hands' empty instruments wait: the second one out of the first's way.
@@ -165,6 +173,15 @@ class Event(NamedTuple):
     hand: int | None
 
 
+class Mark(NamedTuple):
+    """That a tube was taken for a structure, by pointing at it."""
+
+    structure: Structure
+    tube: str
+    station: float  # mm from the tube's first end
+    tick: int  # since all was whole
+
+
 class SpatialTissue:
     """A specimen's tubes in their tissue, two hands at them, and what has become of them.
 
@@ -231,6 +248,8 @@ class SpatialTissue:
         """Make all whole and let go, as an exercise begins, or without one."""
         opening = None if exercise is None else exercise.opening
         self._opened = None if opening is None else opening.opened_mm
+        self._exposed = None if opening is None else opening.exposed
+        self._lifted = 0.0 if opening is None else opening.lifted_mm
         self.divided: bool = opening is not None and opening.divided
         self.opens_torn: str | None = None if opening is None else opening.torn
         """The tube that tears with the first touch, if one does."""
@@ -279,10 +298,15 @@ class SpatialTissue:
         if opened is not None:
             scale = self.surface.scale
             self.beam.break_between(scale * opened[0], scale * opened[1])
+        if self._exposed is not None:
+            assert self.specimen.anatomy is not None  # noqa: S101 (of `Opening`)
+            self.beam.part(front_strands(self.specimen.anatomy, tubes, self._exposed))
         self.fluids = tubes.fluids(self.beam)
         self.events: list[Event] = []
         self.soil = 0.0
         """Of the scope's lens: 0 clean, 1 as soiled as it gets."""
+        self.marks: list[Mark] = []
+        self.called_unsafe = False  # whether it was said that nothing can safely be told
         self.sucked_ml, self._suction = 0.0, [0.0] * HANDS  # ml/s
         self.ticks = 0  # since all was made whole
         self.hands = tuple(
@@ -308,6 +332,29 @@ class SpatialTissue:
                 self.choose_instrument(hand, instrument)
             if instrument == "clip applier":
                 self.hands[hand].opening = self.hands[hand].target_opening = CLIP_OPENING
+        if self._lifted > 0.0:
+            self._lift(self._lifted)
+
+    def _lift(self, far: float) -> None:
+        """Have the first hand's grasper hold the gallbladder up, and away from the common duct."""
+        anatomy, beam = self.specimen.anatomy, self.beam
+        assert anatomy is not None  # noqa: S101 (of `Opening`)
+        gallbladder, duct, _ = named_structures(anatomy)
+        start = self.grab(0, LIFTED_AT_MM, self.tubes.names.index(gallbladder))
+        if start is None:
+            raise ValueError("the gallbladder cannot be held there")
+        cystic = beam.nodes_of(duct)
+        away = start - beam.places[cystic[0 if entering_tubes(anatomy, gallbladder)[duct] else -1]]
+        away[2] = math.sqrt(float((away[:2] ** 2).sum()))
+        away = away / math.sqrt(float((away**2).sum()))
+        ticks = math.ceil(far / LIFT_MM_S / TICK_SECONDS)
+        for tick in range(1, ticks + SETTLE_TICKS):
+            self.move_hand(0, start + min(tick / ticks, 1.0) * far * away)
+            self._advance()
+            if self.stress_ratio > MOST_LIFTED:
+                self.move_hand(0, self.hands[0].place)
+                break
+        self.peak_stress_ratio = self.stress_ratio
 
     def parking(self, hand: int, instrument: Instrument) -> Floats:
         """Return where an instrument that touches nothing waits, (3,) mm."""
@@ -346,6 +393,8 @@ class SpatialTissue:
         if kind == "wipe":
             soiled, self.soil = self.soil > 0.0, 0.0
             return ("wipe", ()) if soiled else None
+        if kind in ("mark", "unsafe"):
+            return self._name(kind, values, begin)
         if kind == "suck":
             return self._suck(hand, float(values[0]))
         if kind == "grab":
@@ -513,6 +562,24 @@ class SpatialTissue:
     def sucks(self, hand: int) -> bool:
         """Return whether a hand's suction is on."""
         return self._suction[hand] > 0.0
+
+    def _name(
+        self, kind: InputKind, values: tuple[float, ...], begin: Callable[[], bool]
+    ) -> Applied | None:
+        """Take a tube for a structure, or call it unsafe to tell."""
+        if self.specimen.anatomy is None:
+            return None
+        if kind == "unsafe":
+            begin()
+            self.called_unsafe = True
+            return kind, ()
+        structure, tube, station = int(values[0]), int(values[1]), float(values[2])
+        names = self.tubes.names
+        if not (0 <= structure < len(STRUCTURES) and 0 <= tube < len(names)):
+            return None
+        begin()
+        self.marks.append(Mark(STRUCTURES[structure], names[tube], station, self.ticks))
+        return kind, (structure, tube, station)
 
     def _suck(self, hand: int, rate: float) -> Applied | None:
         if self.hands[hand].instrument != "suction":

@@ -2,6 +2,7 @@
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 from test_performance import clipped
@@ -19,6 +20,7 @@ from app.simulation import (
     read_run,
     run_json,
 )
+from app.simulation.goals import CriticalView
 
 
 def begun(tube: str = "gallbladder", station: float = 20.0) -> Session:
@@ -32,10 +34,56 @@ def begun(tube: str = "gallbladder", station: float = 20.0) -> Session:
     return session
 
 
-def test_the_critical_view_is_passed_when_all_has_parted_and_nothing_tore() -> None:
+def viewed() -> Session:
+    """A session in which all has parted, so that the view is reached."""
     session = begun()
     session.advance(12)
     assert session.run.standing.startswith("0 of 5 points; parted about the structures 0 %")
+    beam = session.spatial.beam
+    for name in ("cystic", "artery", "gallbladder"):
+        beam.break_between(0.0, beam.network.tubes[name].span, name)
+    session.advance(12)
+    return session
+
+
+def test_once_the_view_is_reached_structures_are_marked_as_what_they_are() -> None:
+    session = viewed()
+    run, names = session.run, session.spatial.tubes.names
+    assert run.progress == 0.5
+    assert run.standing == "the view reached; mark the cystic artery; mark the cystic duct"
+    assert session.mark("cystic duct", names.index("cystic"), 10.0)
+    session.advance()
+    assert run.standing.endswith("mark the cystic artery; clip the cystic duct, 0 of 3 clips")
+    assert run.progress == pytest.approx(0.55)
+    assert not session.mark("cystic artery", 99, 3.0)
+    assert session.mark("cystic artery", names.index("rha"), 3.0)
+    session.advance()
+    assert run.outcome is not None
+    assert not run.outcome.passed
+    assert "took the right hepatic artery for the cystic artery" in run.outcome.reason
+    kept = read_run(run_json(session.run_file()))
+    marks = [each for each in kept.log.inputs if each.kind == "mark"]
+    assert [each.value for each in marks] == [
+        (0, names.index("cystic"), 10.0),
+        (1, names.index("rha"), 3.0),
+    ]
+    # The inputs alone, without what was parted by hand here: the same error all the same.
+    again = Replay(kept.log, session.spatial.dissection.organ)
+    assert [each for each in again.incidents() if each.error == "mistaken"] == [
+        each for each in run.incidents() if each.error == "mistaken"
+    ]
+
+
+def test_an_exercise_of_the_view_alone_is_over_with_it() -> None:
+    alone = CriticalView(5)
+    assert msgspec.json.decode(b'{"kind":"critical_view","points":5}', type=CriticalView) == alone
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    exercise = next(each for each in exercises_offered(session) if each.name == "critical_view")
+    assert exercise.structures
+    exercise = msgspec.structs.replace(exercise, goal=alone)
+    assert not exercise.structures
+    session.start_exercise(exercise)
+    session.open_jaws(1, 1.0)
     beam = session.spatial.beam
     for name in ("cystic", "artery", "gallbladder"):
         beam.break_between(0.0, beam.network.tubes[name].span, name)

@@ -18,6 +18,7 @@ from app.simulation import (
     Script,
     Session,
     Specimen,
+    exercises_offered,
     performed,
     read_run,
     read_script,
@@ -82,21 +83,12 @@ def done(script: str) -> tuple[Session, Performance]:
     return session, performed(msgspec.toml.decode(script, type=Script), session)
 
 
-@cache
-def shipped(name: str) -> tuple[Session, Performance]:
-    """Return what came of a shipped script."""
+def test_careful_hands_pass_the_critical_view_and_close_both_structures() -> None:
+    """Five of six with nothing torn; then marked, two clips to stay, one to go, and divided."""
     session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
-    return session, performed(read_script(SCRIPTS / f"{name}.toml"), session)
-
-
-def kinds(session: Session) -> list[tuple[str, str]]:
-    """Return the events' kinds and tubes."""
-    return [(each.kind, each.tube) for each in session.spatial.events]
-
-
-def test_careful_hands_reach_five_of_six() -> None:
-    """Nothing tears, bleeds or leaks; what is not freed is the artery all round."""
-    session, found = shipped("careful")
+    exercise = next(each for each in exercises_offered(session) if each.name == "critical_view")
+    session.start_exercise(exercise)
+    found = performed(read_script(SCRIPTS / "careful.toml"), session)
     view = found.view
     assert view is not None
     assert (view.two_structures, view.triangle_cleared, view.plate_freed) == (1, 2, 2)
@@ -107,6 +99,33 @@ def test_careful_hands_reach_five_of_six() -> None:
     assert view.structures["cystic"] > 0.9 > view.structures["artery"]
     assert found.seconds < 600.0
     assert not found.trap
+    assert session.run.standing.startswith("the view reached; mark the cystic")
+    assert session.run.progress == 0.5
+    found = performed(read_script(SCRIPTS / "clip-and-divide.toml"), session)
+    assert not found.refused
+    outcome = session.run.outcome
+    assert outcome is not None
+    assert outcome.passed, outcome
+    assert "marked both structures and divided them between clips" in outcome.reason
+    assert kinds(session) == [
+        (kind, tube)
+        for kind, count in (("clip", 3), ("division", 1))
+        for tube in ("cystic", "artery")
+        for _ in range(count)
+    ]
+    assert session.reading().fluids[0].lost_ml < 1e-3
+
+
+@cache
+def shipped(name: str) -> tuple[Session, Performance]:
+    """Return what came of a shipped script."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    return session, performed(read_script(SCRIPTS / f"{name}.toml"), session)
+
+
+def kinds(session: Session) -> list[tuple[str, str]]:
+    """Return the events' kinds and tubes."""
+    return [(each.kind, each.tube) for each in session.spatial.events]
 
 
 def test_hasty_jaws_make_the_artery_bleed() -> None:

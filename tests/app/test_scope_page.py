@@ -12,6 +12,7 @@ from PIL import Image
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
+from app.simulation import Feedback, exercise_at
 from app.trainer.scope.pose import Camera
 from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.server.trainer import Trainer
@@ -201,3 +202,58 @@ def test_the_panel_at_an_anatomy_is_for_everyone(
         hand = shown.view.session.spatial.hands[0]
         tab.wait_until(lambda: shown.camera.seen(hand.place)[0] < 0.1)
         page.mouse.up()
+
+
+def test_structures_are_pointed_at_by_keys_and_mouse_and_photographed(
+    calot: Trainer, drawing_browser: Browser
+) -> None:
+    with trainer_page(
+        drawing_browser, calot.address, width=900, height=560, first_minute=True,
+        node="/scope/state",
+    ) as tab:  # fmt: skip
+        tab.start()
+        tab.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+        view = _newest(calot, "calot")
+        page, tissue = ScopePage(tab, view), view.session.spatial
+        anatomy = view.session.specimen.anatomy
+        assert anatomy is not None
+        exercise = exercise_at(anatomy, "who_is_who")
+        assert exercise is not None
+        view.state.start_exercise(exercise, Feedback.CONTINUOUS)
+        # The photograph is a picture of what is seen, with its black corners.
+        tab.page.keyboard.press("h")
+        tab.wait_until(lambda: len(view.state.photographs) == 1, 60.0)
+        taken = Image.open(io.BytesIO(view.state.photographs[0])).convert("RGB")
+        assert taken.size == (480, 480)
+        assert max(taken.getpixel((3, 3))) < 12  # pyright: ignore
+        assert max(taken.getpixel((240, 240))) > 60  # pyright: ignore
+        # By keys: the arrows move the cross to the gallbladder, and G marks.
+        tab.page.keyboard.press("k")
+        row = tab.page.get_by_test_id("point-at")
+        expect(row.get_by_role("button", name="Cystic duct")).to_have_attribute(
+            "aria-pressed", "true"
+        )
+        expect(row.get_by_role("button", name="Not yet safe")).to_be_visible()
+        place = tissue.beam.places_at(np.array([14.0]), "gallbladder")[0]
+        right, up, back = page.camera.axes.T @ (place - page.camera.tip)
+        for across, keys in ((right, ("ArrowRight", "ArrowLeft")), (up, ("ArrowUp", "ArrowDown"))):
+            at = across / -back / np.tan(np.pi / 6.0)
+            for _ in range(round(abs(at) / 0.03)):
+                tab.page.keyboard.press(keys[int(at < 0.0)])
+        tab.page.keyboard.press("g")
+        tab.wait_until(lambda: bool(tissue.marks))
+        assert (tissue.marks[0].structure, tissue.marks[0].tube) == ("cystic duct", "gallbladder")
+        # By mouse: the next structure is marked where it is pressed.
+        pressed = row.get_by_role("button", name="Cystic artery")
+        expect(pressed).to_have_attribute("aria-pressed", "true")
+        box = tab.page.locator("canvas").first.bounding_box()
+        cross = tab.page.locator(".bd-scope-cross").bounding_box()
+        assert box is not None
+        assert cross is not None
+        tab.page.mouse.click(cross["x"] + cross["width"] / 2, cross["y"] + cross["height"] / 2)
+        tab.wait_until(lambda: len(tissue.marks) == 2)
+        assert tissue.marks[1].tube == "gallbladder"
+        tab.page.keyboard.press("u")
+        result = tab.page.get_by_role("dialog")
+        result.wait_for()
+        expect(result).to_contain_text("took the gallbladder for the cystic artery")

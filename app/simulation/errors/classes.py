@@ -115,6 +115,29 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             if_named=True,
         ),
         ErrorClass(
+            "mistaken", "Took one structure for another", 10,
+            "a tube is marked as a structure that it is not",
+            "at {t:.1f} s you took the {name} for the {taken}",
+            "Follow it both ways: what alone runs into the gallbladder is the cystic duct or its "
+            "artery; what runs on to the liver is neither.",
+        ),
+        ErrorClass(
+            "named_unsafe", "Named before it was safe", 6,
+            "a tube is marked while the critical view of safety has fewer than `points`",
+            "at {t:.1f} s you took the {name} for the {taken} with {n:.0f} of 6 points of the "
+            "critical view",
+            "Say that it is not yet safe, and have more freed first.",
+            (Parameter("points", "", 5.0, "Strasberg and Brunt 2010: all three parts, one short"),),
+            if_named=True,
+        ),
+        ErrorClass(
+            "held_back", "Called a safe view unsafe", 2,
+            "it is said that it is not yet safe to tell with as many points as `named_unsafe` asks",
+            "at {t:.1f} s you called it not yet safe with {n:.0f} of 6 points of the critical view",
+            "All three parts are shown: follow each structure, and name it.",
+            if_named=True,
+        ),
+        ErrorClass(
             "clip_wrong_tube", "Clipped or divided a wrong tube", 10,
             "a clip or a division is on a tube that the exercise is not about",
             "at {t:.1f} s you {did} the {name} at {x:.0f} mm, which is not to be closed here",

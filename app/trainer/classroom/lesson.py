@@ -475,6 +475,7 @@ class Lesson:
         course = self.course.course
         titled = course.level_of(level).title if course and level else ""
         incidents = run.incidents() if finished else None
+        photographs = list(member.view.state.photographs) if finished else []
         member.saved = SAVING if finished else member.saved
 
         def make() -> RunRecord:
@@ -504,6 +505,8 @@ class Lesson:
 
         def done(problem: str | None) -> None:
             member.problem = "" if problem is None else problem[:1].upper() + problem[1:]
+            if problem is None and photographs:
+                self.store.keep_photographs(run_id, photographs)
             if problem is not None:
                 member.saved = member.problem
             elif finished:

@@ -242,6 +242,8 @@ async function showResults() {
         // Made by the server, which has escaped all that people typed.
         const page = new DOMParser().parseFromString(await answer.text(), "text/html");
         replaceOpen($("found"), page.body.childNodes);
+        for (const choice of $("found").querySelectorAll("select.rating"))
+            choice.onchange = () => send({type: "rate", run: choice.dataset.run, points: choice.value === "" ? null : Number(choice.value)});
     } catch {
         version = -1;
     }

@@ -24,6 +24,7 @@ from app.classroom.course import default_course
 from app.classroom.course_page import course_html, level_choices
 from app.classroom.exercise_file import template
 from app.classroom.exercise_form import exercise_form
+from app.classroom.photograph import kind_of
 from app.classroom.report import report_page, results_html, style
 from app.classroom.results import results, results_csv, results_json
 from app.trainer.classroom.lesson import Lesson
@@ -37,7 +38,8 @@ LONGEST_COMMAND = 50_000
 HTML, SCRIPT, STYLE = "text/html", "text/javascript", "text/css"
 SAFE = {
     "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src data:; "
+        "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+        "img-src 'self' data:; "
         "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     ),
     "X-Content-Type-Options": "nosniff",
@@ -95,7 +97,14 @@ class Connect(msgspec.Struct, tag="connect", forbid_unknown_fields=True):
     secret: str = ""
 
 
-Command = Assign | Start | Stop | Delete | ShowStanding | ChooseCourse | SetLevel | Connect
+class Rate(msgspec.Struct, tag="rate", forbid_unknown_fields=True):
+    """Give points of 6 for the critical view of a run, or none."""
+
+    run: str
+    points: int | None = None
+
+
+Command = Rate | Assign | Start | Stop | Delete | ShowStanding | ChooseCourse | SetLevel | Connect
 
 
 class TeacherPage:
@@ -144,6 +153,12 @@ class TeacherPage:
             return _content(results_json(store), "application/json", f"{name}.json")
         if path == "/class/run" and (run := store.run(given.get("id", ""))) is not None:
             return _content(run.file, "application/json", f"run-{run.started_at[:16]}.json")
+        if path == "/class/photograph":
+            taken = store.photographs(given.get("run", ""))
+            number = given.get("number", "0")
+            if number.isdecimal() and int(number) < len(taken):
+                content = taken[int(number)]
+                return _content(content, kind_of(content) or "application/octet-stream")
         return _content("There is no such page.\n", "text/plain", status=HTTPStatus.NOT_FOUND)
 
     def _page(self) -> str:
@@ -228,6 +243,9 @@ class TeacherPage:
         lesson = self._lesson
         if isinstance(command, Assign):
             return f"{lesson.assign(command.text).title!r} is set. Start it when all are ready."
+        if isinstance(command, Rate):
+            lesson.store.rate(command.run, command.points)
+            return "Kept beside the computed points."
         if isinstance(command, Start):
             lesson.start()
             return "It is on everybody's duct; time runs from each one's first touch."

@@ -30,6 +30,7 @@ from app.simulation import (
 )
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.beside import Beside, Role, StartCompanion
+from app.trainer.client.picture_series import PictureSeries
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.client.workers import Workers, explained
 from app.trainer.scene.drag_proxy import Hold
@@ -98,6 +99,11 @@ class PageState:
         self.paused = False  # whether the session's time stands still
         self.marks: tuple[Exercise, dict[str, float]] | None = None
         """Benchmarks of a course by metric, and the exercise that they are of."""
+        self.series = PictureSeries()
+        self.next_picture: Callable[[], object] = lambda: None
+        """Shows the next picture of the series, in another anatomy."""
+        self.photographs: list[bytes] = []
+        """Of this run, for the record: the last two that were taken, front and back."""
         self.pulls = 0  # number of changes of the pull that no slider has made
         self.hand = 0
         self._dragged: int | None = None  # the hand that the mouse leads
@@ -373,6 +379,7 @@ class PageState:
         self.release_hand()
         self.keep_run()
         start()
+        self.photographs = []
         self.beside.begin(self.session)
         self.hand = min(self.hand, len(self.hands) - 1)
         if self.beside.leads(self.hand):

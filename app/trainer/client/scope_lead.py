@@ -6,18 +6,21 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from app.classroom.photograph import photograph_of
 from app.simulation import (
     CLIP_OPENING,
+    FIELD_OF_VIEW,
     HOLDING,
     TICK_SECONDS,
     TROCARS,
     Hand,
     Instrument,
     Session,
+    Structure,
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
-from app.trainer.scope.near_place import near_place, wall_offset
+from app.trainer.scope.near_place import near_place, pointed_at, wall_offset
 
 __all__ = ["HOLDS_MM_S", "SPREAD", "ScopeLead"]
 
@@ -45,6 +48,12 @@ NOT_BETWEEN = (
     "No tube lies between the open jaws with its whole width: clear it all round, and bring the "
     "tips past it on either side."
 )
+NOTHING_THERE = "No tube is seen there. Point at the wall of one."
+NOT_ASKED = "Nothing is to be pointed at now: an exercise says when."
+CROSS_STEP = 0.03
+"""Of the picture's radius, that a key moves the cross by."""
+BACK_NEXT = "Now swing the gallbladder over, show the triangle from behind, and press H again."
+BOTH_KEPT = "Front and back go with the result."
 SWEEPS = "A swab has no jaws: wipe with it along a tube."
 
 
@@ -54,6 +63,9 @@ class ScopeLead:
     def __init__(self, state: PageState, held: HeldScope) -> None:
         self._state, self.held = state, held
         self.leads_scope = self.by_handle = False
+        self._points_at: Structure | None = None
+        self._cross = 0.0, 0.0
+        self._photographs = False  # whether one is asked for
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
 
@@ -67,8 +79,85 @@ class ScopeLead:
         """Number of the active hand."""
         return self._state.hand
 
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """What an exercise that goes on asks to be pointed at, as far as it has come."""
+        run = self._state.session.run
+        exercise = None if run.over or self._state.playback is not None else run.exercise
+        if exercise is None or run.progress < exercise.points_from:
+            return ()
+        return exercise.structures
+
+    @property
+    def points_at(self) -> Structure | None:
+        """The structure that the pointer marks now, and not lead hands."""
+        return self._points_at if self._points_at in self.structures else None
+
+    @property
+    def cross(self) -> tuple[float, float] | None:
+        """Where keys point, right and up in the picture, whose radius is 1; None if they do not."""
+        return None if self.points_at is None else self._cross
+
+    def point(self, structure: Structure | None) -> None:
+        """Let the pointer mark a structure from now on, or lead hands again."""
+        self._points_at = structure
+        self._state.show()
+
+    def point_next(self) -> None:
+        """Let the pointer mark the next structure, and after the last one lead hands again."""
+        asked: list[Structure | None] = [None, *self.structures]
+        if len(asked) == 1:
+            self._state.refuse(NOT_ASKED)
+            return
+        self.point(asked[(asked.index(self.points_at) + 1) % len(asked)])
+
+    def mark(self, way: Floats) -> None:
+        """Take the tube that is seen first along a way, (3,), for what is pointed at."""
+        structure = self.points_at
+        if structure is None or not self._may_act():
+            return
+        tissue = self.session.spatial
+        found = pointed_at(tissue.beam, self.held.camera.tip, way)
+        if found is None:
+            self._state.refuse(NOTHING_THERE)
+            return
+        tube, at = found
+        self.session.mark(structure, tube, at / tissue.tubes.surfaces[tube].scale)
+        marked = {each.structure for each in tissue.marks}
+        self.point(next((each for each in self.structures if each not in marked), None))
+
+    def photograph(self) -> None:
+        """Have the page take a photograph for the record with its next picture."""
+        if self._state.playback is None:
+            self._photographs = True
+            self._state.show()
+
+    def take_request(self) -> bool:
+        """Return whether a photograph was asked for since the last call."""
+        wanted, self._photographs = self._photographs, False
+        return wanted
+
+    def keep_photograph(self, url: object) -> None:
+        """Keep a photograph that the page has sent: the front first, then the back."""
+        state = self._state
+        try:
+            taken = photograph_of(url)
+        except ValueError as error:
+            state.refuse(str(error))
+            return
+        state.photographs = [*state.photographs[-1:], taken]
+        words = BACK_NEXT if len(state.photographs) == 1 else BOTH_KEPT
+        state.client.add_notification("Photograph kept", words, auto_close_seconds=8.0)
+        state.show()
+
+    def call_unsafe(self) -> None:
+        """Say that it is not yet safe to tell."""
+        if self.structures and self._may_act():
+            self.session.call_unsafe()
+
     def choose(self, hand: int | None) -> None:
         """Lead a hand from now on, or the scope."""
+        self._points_at = None
         self.leads_scope = hand is None
         self._state.choose_hand(self.hand if hand is None else hand)
 
@@ -142,6 +231,12 @@ class ScopeLead:
 
     def nudge(self, right: float, up: float, away: float) -> None:
         """Move the active hand's tip in the picture, mm, or turn the scope by as many steps."""
+        if self.points_at is not None:
+            step, (x, y) = 2.0 * CROSS_STEP, self._cross
+            x, y = (min(max(each, -0.95), 0.95) for each in (x + step * right, y + step * up))
+            self._cross = x, y
+            self._state.show()
+            return
         if self.leads_scope:
             self.move_scope(pan=0.04 * right, tilt=0.04 * up, depth=2.0 * away)
             return
@@ -168,7 +263,12 @@ class ScopeLead:
         turn(self.hand, turned.tolist())
 
     def use_instrument(self) -> None:
-        """Do what the active hand's instrument does."""
+        """Do what the active hand's instrument does, or mark what the cross points at."""
+        if self.points_at is not None:
+            x, y = self._cross
+            wide = math.tan(0.5 * FIELD_OF_VIEW)
+            self.mark(self.held.camera.axes @ np.array([wide * x, wide * y, -1.0]))
+            return
         if self._may_act():
             self._uses[self._state.instrument]()
 

@@ -92,7 +92,9 @@ class ExerciseTab:
         """Start the chosen exercise with the chosen feedback."""
         exercise = self._offered.get(str(self._choice.value))
         feedback = FEEDBACK.get(str(self._feedback.value), Feedback.CONTINUOUS)
-        if exercise is not None:
+        if exercise is not None and exercise.looks_only:
+            self._state.attempt("Making the picture.", self._state.next_picture)
+        elif exercise is not None:
             self._state.start_exercise(exercise, feedback)
 
     def take_offers(self) -> None:

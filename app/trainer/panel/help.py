@@ -12,7 +12,7 @@ from app.trainer.viser_bridge.page import letter_keys_on, set_letter_keys
 __all__ = ["SEEN", "Key", "first_minute", "keys_of", "show_first_minute", "show_help"]
 
 Hotkey = Literal[
-    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L", "F", "B",
+    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L", "F", "B", "K", "U",
     "arrowup", "arrowdown", "arrowleft", "arrowright",
 ]  # fmt: skip
 

@@ -1,5 +1,6 @@
 """The result page: how a run has ended, its measures, its plots, and what to do next."""
 
+import base64
 import html
 from collections.abc import Callable, Sequence
 from datetime import datetime
@@ -7,6 +8,7 @@ from datetime import datetime
 import msgspec
 import viser
 
+from app.classroom.photograph import kind_of
 from app.simulation import (
     FEW,
     MANNERS,
@@ -21,6 +23,7 @@ from app.simulation import (
     run_json,
 )
 from app.trainer.client.page_state import PageState
+from app.trainer.client.picture_series import PICTURES
 from app.trainer.panel.controls import note, on_click, rows_html
 from app.trainer.panel.debrief import Done, add_debrief, next_time
 from app.trainer.panel.dialog import dialog
@@ -80,6 +83,16 @@ def run_name(run: RunFile) -> str:
     free = "dissection" if run.log.start.in_bed else "pull"
     what = free if exercise is None else exercise.title.lower().replace(" ", "-")
     return f"{what}-{datetime.now():%Y-%m-%d-%H%M%S}"
+
+
+def _photographs_html(taken: Sequence[bytes]) -> str:
+    """Return photographs for the record, as HTML."""
+    pictures = "".join(
+        f"<img alt='Triangle from the {side}' style='width:48%;border-radius:6px' "
+        f"src='data:{kind_of(each)};base64,{base64.b64encode(each).decode()}'>"
+        for side, each in zip(("front", "back"), taken, strict=False)
+    )
+    return f"<div data-testid='photographs' style='margin:8px 12px'>{pictures}</div>" * bool(taken)
 
 
 def _seen_html(seen: Sequence[Seen]) -> str:
@@ -162,7 +175,14 @@ def show_result(
                 asked=exercise is not None,
             )
         )
-        if exercise is not None:
+        pictures = state.series
+        if exercise is not None and exercise.looks_only and pictures.answers:
+            gui.add_html(note(pictures.score, "score"))
+            if not pictures.over:
+                label = f"Picture {len(pictures.answers) + 1} of {len(PICTURES)}"
+                onward = gui.add_button(label, icon=viser.Icon.PLAYER_PLAY, color="teal")
+                on_click(onward, closing(state.next_picture))
+        elif exercise is not None:
             retry = gui.add_button("Try again", icon=viser.Icon.REFRESH, color="teal")
             on_click(retry, closing(again))
         tabs = gui.add_tab_group()
@@ -189,7 +209,7 @@ def show_result(
             add_series_plots(gui, series, exercise)
         if sights is not None:
             with tabs.add_tab("What was seen"):
-                gui.add_html(_seen_html(sights.seen))
+                gui.add_html(_photographs_html(state.photographs) + _seen_html(sights.seen))
         if expert is not None:
             shown = gui.add_button("Show me", icon=viser.Icon.SCHOOL, color="gray", hint=SHOW_ME)
             on_click(shown, lambda: play_expert(0.0))

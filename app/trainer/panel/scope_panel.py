@@ -35,6 +35,7 @@ from app.trainer.panel.frame import BUILD, LEARN, REPLAY, add_disclaimer, style_
 from app.trainer.panel.help import Key, first_minute
 from app.trainer.panel.keys import add_keys
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
+from app.trainer.panel.pointing import Pointing
 from app.trainer.panel.readout import HANDS
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import show_result
@@ -94,6 +95,9 @@ KEYS = (
     Key("G", "G", "Use the instrument", "take hold or let go; part or close; clip; divide; suck"),
     Key("O", "O", "Open the jaws", "by a millimetre"),
     Key("C", "C", "Close the jaws", "by a millimetre"),
+    Key("K", "K", "Point", "at the next structure that an exercise asks for, or no more"),
+    Key("H", "H", "Photograph", "for the record: the front of the triangle, then the back"),
+    Key("U", "U", "Not yet safe", "to tell structures apart, where an exercise asks"),
     Key("X", "X", "Next hand or scope", "what mouse and keys lead"),
     Key("F", "F", "Tip or handle", "which end of an instrument is led"),
     Key("N", "N", "Next instrument", "for the hand that is led"),
@@ -151,12 +155,14 @@ class ScopePanel:
         self._state, self._lead, self._show_anatomy = state, lead, choose_anatomy
         self._own = {} if own_anatomy is None else {f"{own_anatomy.name}, own": own_anatomy}
         self._announced = ""
+        self._photographed: object = None  # the run whose view was photographed by itself
         gui = self._gui = state.client.gui
         style_panel(gui)
         add_scenes(gui, scene, choose_scene)
         take_arrows(state.client, True)
         gui.add_html(note(GOAL, "goal"))
         self._readout = gui.add_html("")
+        self._pointing = Pointing(gui, state, lead)
         add_disclaimer(gui)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Train"):
@@ -185,6 +191,9 @@ class ScopePanel:
         self._how = gui.add_html("")
         self._use = gui.add_button("Use", hint="Also the right button in the picture, or G")
         on_click(self._use, lead.use_instrument)
+        photograph = gui.add_button("Photograph (H)", icon=viser.Icon.CAMERA, color="gray",
+                                    hint="For the record: the front, then the back")  # fmt: skip
+        on_click(photograph, lead.photograph)
         self._scope = Choice(gui, "Scope", SCOPES, lambda _: lead.change_scope())
         self._wipe = gui.add_button("Wipe the lens", hint="Of blood and tissue (B)")
         on_click(self._wipe, lead.wipe_lens)
@@ -213,6 +222,8 @@ class ScopePanel:
         set_if_changed(self._held, content=note(words, "scope"))
         set_if_changed(self._readout, content=self._figures(reading))
         set_if_changed(self._plain, value=state.plain)
+        self._pointing.show()
+        self._photograph_view()
         self._exercises.show()
         self._replay.show()
         words = self._standing(reading)
@@ -231,6 +242,17 @@ class ScopePanel:
 
     def close(self) -> None:
         """Remove nothing: the client uploads nothing here."""
+
+    def _photograph_view(self) -> None:
+        """Take a photograph once the view is reached, if there is none."""
+        state, run = self._state, self._state.session.run
+        exercise = run.exercise
+        if exercise is None or not run.going or state.playback is not None:
+            return
+        reached = bool(exercise.structures) and run.progress >= exercise.points_from > 0.0
+        if reached and not state.photographs and run is not self._photographed:
+            self._photographed = run
+            self._lead.photograph()
 
     def _figures(self, reading: Reading) -> str:
         torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
@@ -332,6 +354,9 @@ class ScopePanel:
             "G": lead.use_instrument,
             "O": lambda: lead.open_more(1.0),
             "C": lambda: lead.open_more(-1.0),
+            "K": lead.point_next,
+            "H": lead.photograph,
+            "U": lead.call_unsafe,
             "X": lead.choose_next,
             "F": lambda: self._choose_led_by("tip" if lead.by_handle else "handle"),
             "N": lead.choose_next_instrument,

@@ -1,4 +1,6 @@
-"""Which tube is at an instrument's tip, and where jaws that hold one are."""
+"""Which tube is at a tip or is pointed at, and where jaws that hold one are."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,12 +8,14 @@ from numpy.typing import NDArray
 from app.simulation import TROCARS, SpatialTissue
 from physics.bed import BeamOnBed
 
-__all__ = ["REACH", "near_place", "wall_offset"]
+__all__ = ["REACH", "near_place", "pointed_at", "wall_offset"]
 
 Floats = NDArray[np.float64]
 
 REACH = 3.5
 """mm from a tube's wall at which jaws can still close on it."""
+MISSED = 0.5
+"""mm beside a wall at which it is still pointed at."""
 BITE = 1.2
 """mm of a wall that jaws take in."""
 
@@ -32,6 +36,26 @@ def near_place(beam: BeamOnBed, tip: Floats, reach: float = REACH) -> tuple[int,
             stations = beam.stations_of(name)
             best = float(off[k])
             found = number, float(stations[k] + fraction[k] * (stations[k + 1] - stations[k]))
+    return found
+
+
+def pointed_at(beam: BeamOnBed, eye: Floats, way: Floats) -> tuple[int, float] | None:
+    """Return the number of the tube that is seen first along a way, (3,), and the station, mm."""
+    way = way / math.sqrt(float((way * way).sum()))
+    nearest, found = math.inf, None
+    for number, (name, tube) in enumerate(beam.network.tubes.items()):
+        stations = beam.stations_of(name)
+        fine = np.linspace(0.0, float(stations[-1]), 4 * len(stations))
+        offset = beam.places_at(fine, name) - eye
+        deep = (offset * way).sum(axis=1)
+        radius = np.interp(fine, tube.stations, tube.radius)
+        # A finger is less exact than a mouse: what is missed by so little is meant.
+        off = np.sqrt(((offset - deep[:, None] * way) ** 2).sum(axis=1)) - MISSED
+        wall = deep - np.sqrt(np.maximum(radius**2 - np.maximum(off, 0.0) ** 2, 0.0))
+        wall[(off > radius) | (deep <= 0.0)] = math.inf
+        at = int(wall.argmin())
+        if wall[at] < nearest:
+            nearest, found = float(wall[at]), (number, float(fine[at]))
     return found
 
 

@@ -30,7 +30,17 @@ __all__ = ["ScopePicture"]
 
 NODE = "/scope/state"
 PAGE = Path(__file__).with_name("page")
-SCRIPTS = ("pose", "pictures", "state", "sheet", "instruments", "picture", "pointer", "gamepad")
+SCRIPTS = (
+    "pose",
+    "pictures",
+    "state",
+    "sheet",
+    "instruments",
+    "picture",
+    "pointer",
+    "photograph",
+    "gamepad",
+)
 # The linear light of a tube's wall and of its darker places; vessels and bumps on it, its gloss;
 # loose fibres and fat on it, lumps and the folds of spiral valves. Matched by eye to photographs.
 LOOKS: Mapping[str, Mapping[str, Any]] = {

@@ -20,6 +20,9 @@ __all__ = ["ScopeScene"]
 
 Floats = NDArray[np.float64]
 
+SCOPE, POINTS = -1, -2
+"""In the place of a hand: the pointer leads the scope, or marks what it points at."""
+
 
 class Led(Protocol):
     """What the pointer in the picture leads: the active hand, or the scope."""
@@ -32,6 +35,23 @@ class Led(Protocol):
     @property
     def session(self) -> Session:
         """The client's own session."""
+        ...
+
+    @property
+    def cross(self) -> tuple[float, float] | None:
+        """Where keys point, right and up in the picture, whose radius is 1; None if they do not."""
+        ...
+
+    def take_request(self) -> bool:
+        """Return whether a photograph was asked for since the last call."""
+        ...
+
+    def keep_photograph(self, url: object) -> None:
+        """Keep a photograph that the page has sent."""
+        ...
+
+    def mark(self, way: Floats) -> None:
+        """Take the tube that is seen first along a way, (3,), for what is pointed at."""
         ...
 
     leads_scope: bool
@@ -99,9 +119,11 @@ class ScopeScene:
         client.scene.configure_default_lights(False)
         self._picture: ScopePicture | None = None
         self._drawn_with = -1.0  # the angle of the scope that the page has
-        self._leads: tuple[int, bool] | None = None  # as the page has it
+        # as the page has it: a hand or what else is led, by which end, where the cross is
+        self._leads: tuple[int, bool, tuple[float, float] | None] | None = None
         self._frame = client.scene.add_frame("/scope", show_axes=False)
         self._pointer: viser.GuiTextHandle | None = None
+        self._photograph: viser.GuiTextHandle | None = None
         self.draw(session.reading())
 
     def watch(self, session: Session) -> None:
@@ -135,7 +157,12 @@ class ScopeScene:
     ) -> None:
         """Draw the session as it is now: as the camera sees it, without colours or figures."""
         draw_tissue(self._set_picture(), self._session.spatial, self._held.pose)
-        leads = -1 if self._led.leads_scope else self._led.hand, self._led.by_handle
+        led = self._led
+        hand = POINTS if led.cross is not None else SCOPE if led.leads_scope else led.hand
+        leads = hand, led.by_handle, led.cross
+        if self._photograph is not None and led.take_request():
+            number = page_number(self._photograph)
+            run_function(self._client.scene, "bluntdissectScope.photograph", number)
         if self._pointer is not None and leads != self._leads:
             self._leads = leads
             number = page_number(self._pointer)
@@ -162,6 +189,12 @@ class ScopeScene:
         async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
             self.take(message.value)
 
+        self._photograph = picture = self._client.gui.add_text("Photograph", "", visible=False)
+
+        @picture.on_update
+        async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
+            self._led.keep_photograph(picture.value)
+
     def frame_camera(self) -> None:
         """Give the scope back to the assistant, who looks at the triangle."""
         self._held.home()
@@ -179,7 +212,7 @@ class ScopeScene:
             "nudge": (3, led.nudge), "push": (3, led.push_handle), "stop": (0, led.stop),
             "turn": (1, led.turn), "open": (1, led.open_more), "act": (0, led.use_instrument),
             "hand": (0, led.choose_next), "instrument": (0, led.choose_next_instrument),
-            "scope": (4, led.move_scope),
+            "scope": (4, led.move_scope), "point": (3, lambda *way: led.mark(np.array(way))),
         }  # fmt: skip
         count, act = acts.get(kind, (-1, None))
         if act is not None and len(numbers) == count:

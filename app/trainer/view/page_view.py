@@ -6,13 +6,26 @@ from typing import Protocol
 
 import viser
 
-from app.anatomy import Anatomy, anatomy_named, anatomy_network
-from app.simulation import Clock, ExerciseInputs, Phase, Preset, Reading, Run, RunFile, Session
+from app.anatomy import Anatomy, anatomy_named, anatomy_network, drawn_anatomy
+from app.simulation import (
+    Clock,
+    ExerciseInputs,
+    Feedback,
+    Phase,
+    Preset,
+    Reading,
+    Run,
+    RunFile,
+    Session,
+    exercise_at,
+)
 from app.trainer.client.beside import StartCompanion
 from app.trainer.client.page_state import EXERCISE_GOES_ON, PageState
+from app.trainer.client.picture_series import PictureSeries
 from app.trainer.client.practice import Practice, SceneName
 from app.trainer.client.scope_lead import ScopeLead
 from app.trainer.client.workers import Workers, explained
+from app.trainer.panel.frame import LEARN
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.page_panel import PagePanel, offers
 from app.trainer.panel.scope_panel import ScopePanel
@@ -21,7 +34,7 @@ from app.trainer.scene.tissue_scene import Colours, TissueScene
 from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.stage.lighting import Look, LookChoice
-from app.trainer.viser_bridge.page import watch_pace
+from app.trainer.viser_bridge.page import open_tab, watch_pace
 from organ_geometry import Organ
 
 __all__ = ["PageView", "Scene"]
@@ -140,6 +153,7 @@ class PageView:
         self._panel_due = 0.0
         self._panel_stale = self._figures = True
         self._notice: viser.NotificationHandle | None = None
+        self._series = PictureSeries()
         self._scene: Scene
         self._panel: PagePanel | ScopePanel
         self._lead: ScopeLead | None = None  # of what mouse and keys lead at an anatomy
@@ -192,6 +206,23 @@ class PageView:
             self._show("bed" if start.in_bed else "free")
         self._panel.replay(run)
 
+    def show_picture(self) -> None:
+        """Show the next picture of *Who is who*; after the last one the first again."""
+        if self.state.in_exercise:
+            self.state.refuse(EXERCISE_GOES_ON)
+            return
+        if self._series.over:
+            self._series = PictureSeries()
+        anatomy = drawn_anatomy(self._series.seed)
+        exercise = exercise_at(anatomy, "who_is_who")
+        if exercise is None:
+            raise ValueError("this anatomy has no gallbladder to be told from ducts")
+        self.show_anatomy(anatomy)
+        self._series.exercise = exercise
+        self.state.series = self._series
+        self.state.start_exercise(exercise, Feedback.CONTINUOUS)
+        open_tab(self.client, LEARN)
+
     def show_anatomy(self, anatomy: Anatomy) -> None:
         """Show an anatomy, if it is not shown yet."""
         if self.scene != "calot" or self.session.specimen.anatomy != anatomy:
@@ -223,6 +254,7 @@ class PageView:
             self.client, session, self._workers, self._exercise_inputs, self._policy
         )
         state.plain = plain
+        state.series, state.next_picture = self._series, self.show_picture
         look: Look = "plain" if plain else "full"
         anatomy = session.specimen.anatomy
         if anatomy is None:
@@ -355,6 +387,7 @@ class PageView:
             judged = run.exercise is not None
             if judged:
                 state.release()
+                state.series.take(run.exercise, run.outcome)
             state.announced = run  # from now on another pull may begin anew
             if judged and kept is not None:
                 panel = self._panel

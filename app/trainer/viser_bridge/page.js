@@ -249,6 +249,8 @@ document.addEventListener("click", event => {
     closer(pressed.querySelector("[role=dialog]"))?.click();
 }, true);
 
+const NOTICE_MS = 20000;  // for which viser's note of a page that draws in software is shown
+
 // How fast a page draws the surfaces: some pictures are timed, drawn as fast as it can.
 page.watchPace = (least, uuid, remedy) => {
   nameRemedy(remedy, 60);
@@ -261,6 +263,8 @@ const nameRemedy = (remedy, left) => {
   for (const text of document.querySelectorAll(".mantine-Notification-description"))
     if (text.textContent.includes("software mode") && !text.textContent.includes(remedy)) {
       text.append(` ${remedy}`);
+      const close = text.closest(".mantine-Notification-root")?.querySelector("button");
+      setTimeout(() => close?.click(), NOTICE_MS);
       return;
     }
   if (left) setTimeout(() => nameRemedy(remedy, left - 1), 500);
@@ -292,6 +296,9 @@ const measurePace = done => {
   ask();
   setTimeout(stop, 4000);
 };
+
+// viser's page is covered until the panel is there.
+later(() => document.querySelector("[data-testid=readout]"), () => document.documentElement.classList.add("bd-ready"));
 
 // Names for what viser leaves without one.
 const name = (element, words) => {

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gzip
 import io
 import logging
 import threading
@@ -36,7 +37,16 @@ PAGE_MESSAGES = (
 )
 """viser's declarations of what a page of this trainer may send; its other kinds are refused."""
 
-Answer = Response | Awaitable[Response] | None
+COVER = """
+@keyframes bd-show { to { visibility: visible } }
+html:not(.bd-ready) { background: #17181b }
+html:not(.bd-ready) body > * { visibility: hidden; animation: bd-show 0s 15s forwards }
+html:not(.bd-ready) body::before { content: "Opening the trainer …"; position: fixed; inset: 0;
+  display: grid; place-items: center; color: #c9ccd1; font: 16px system-ui, sans-serif }
+"""
+"""Style of a page in which the trainer's own is not there yet; one that never comes shows viser's
+after 15 s."""
+Answer = Response | Awaitable[Response | None] | None
 Guard = Callable[[ServerConnection, Request], Answer]
 Handler = Callable[[ServerConnection], Awaitable[None]]
 
@@ -141,7 +151,7 @@ def _guarded(
             refusal = guard(connection, request)
             if refusal is not None or process_request is None:
                 return refusal
-            return process_request(connection, request)
+            return _covered(process_request(connection, request))
 
         async def handle(connection: ServerConnection) -> None:
             await (apart(connection) or handler(connection))
@@ -156,6 +166,20 @@ def _guarded(
             yield opened
         finally:
             websockets.asyncio.server.serve = serve
+
+
+async def _covered(answer: Answer) -> Response | None:
+    """Return viser's answer; its page is covered until the trainer's is there."""
+    response = await answer if isinstance(answer, Awaitable) else answer
+    if response is None or not response.headers.get("Content-Type", "").startswith("text/html"):
+        return response
+    packed = response.headers.get("Content-Encoding") == "gzip"
+    page = gzip.decompress(response.body) if packed else bytes(response.body)
+    page = page.replace(b"</head>", f"<style>{COVER}</style></head>".encode(), 1)
+    response.body = gzip.compress(page) if packed else page
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
+    return response
 
 
 def stop_server(server: viser.ViserServer) -> None:

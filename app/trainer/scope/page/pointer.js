@@ -7,6 +7,7 @@
   const { add, sub, dot } = scope.algebra;
   const LEAST_MS = 33;       // between two messages of one movement
   const WHEEL_MM = 1.5, PINCH = 0.25;  // mm of depth: a notch of the wheel, and a dot of a pinch
+  const POINTS = -2;         // in the place of a hand: the pointer marks what it points at
   const LOOK = 0.0022;       // rad of pan and tilt, a dot
   let lead = null;           // the widget's number, and what the pointer leads: a hand, or the scope
   let number = 0, waiting = null, sentAt = 0;
@@ -39,6 +40,7 @@
   const press = event => {
     if (!scope.picture?.pose || event.target !== viewer.canvas()) return;
     event.stopPropagation();
+    if (lead.hand === POINTS && event.button === 0) { say(`point ${fixed(wayOf(event))}`); return; }
     if (event.button === 2) { event.preventDefault(); say("act"); return; }
     viewer.canvas().setPointerCapture?.(event.pointerId);
     down.set(event.pointerId, { x: event.clientX, y: event.clientY });
@@ -96,14 +98,26 @@
   const nothing = event => { if (event.target === viewer.canvas()) event.preventDefault(); };
   const LISTENED = [["pointerdown", press], ["pointermove", move], ["pointerup", lift], ["pointercancel", lift], ["wheel", turn], ["contextmenu", nothing]];
 
+  // Show where keys point, right and up of the picture's middle by so many of its radii, or nothing.
+  const showCross = at => {
+    const frame = scope.picture?.frame, old = frame?.querySelector(".bd-scope-cross");
+    if (!frame || !at) { old?.remove(); return; }
+    const cross = old ?? frame.appendChild(Object.assign(document.createElement("div"), { className: "bd-scope-cross" }));
+    cross.style.left = `calc(50% + ${55 * at[0]}cqmin)`;
+    cross.style.top = `calc(50% - ${55 * at[1]}cqmin)`;
+  };
+
   // Lead a hand by its tip or its handle, or below zero the scope, by the pointer from now on,
-  // through a widget.
-  scope.lead = (uuid, hand, byHandle) => {
+  // through a widget; or mark what it points at, `cross` being where keys point.
+  scope.lead = (uuid, hand, byHandle, cross) => {
+    showCross(cross);
     if (!lead) for (const [kind, take] of LISTENED) window.addEventListener(kind, take, { capture: true, passive: false });
     lead = { uuid, hand, byHandle, aside: null, under: null };
+    viewer.canvas().style.cursor = hand === POINTS ? "crosshair" : "";
   };
   scope.leave = () => {
     lead = null;
+    if (viewer.canvas()) viewer.canvas().style.cursor = "";
     down.clear();
     for (const [kind, take] of LISTENED) window.removeEventListener(kind, take, { capture: true });
   };
