@@ -141,10 +141,12 @@ class ScopeScene:
         self._led.advance(ticks)
         tissue = self._session.spatial
         # A replay, and another's session, are seen through the scope that was held there.
-        if self._session is not self._led.session and self._held.show(tissue.pose):
-            return True
+        held = self._held
+        before = held.pose, held.oblique
+        if self._session is not self._led.session and held.show(tissue.pose):
+            return before != (held.pose, held.oblique)
         tips = [hand.place for hand in tissue.hands]
-        moved = [self._held.advance(tips) for _ in range(ticks)]
+        moved = [held.advance(tips) for _ in range(ticks)]
         return any(moved)
 
     def draw(
