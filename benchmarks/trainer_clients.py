@@ -85,6 +85,7 @@ async def watching(served: Served, start: asyncio.Event, came: Counter[str]) -> 
     """Watch a class as the teacher's page does, without end; count what comes."""
     cookie = await asyncio.to_thread(cookie_of, served.teacher_link)
     async with teacher_connected(served.address, cookie) as connection:
+        await connection.send('{"type":"hello"}')  # who says nothing is sent away
         async for _ in connection:
             came["news"] += start.is_set()
 
