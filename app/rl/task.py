@@ -170,7 +170,8 @@ def _anatomy(name: str) -> tuple[Specimen, dict[str, Exercise]]:
     whole = read_anatomy(Path(name)) if name.endswith(".toml") else anatomy_named(name)
     specimen = Specimen.of_anatomy(whole)
     offered = exercises_offered(Session(specimen, vertices=VERTICES))
-    return specimen, {each.name: each for each in offered}
+    # A policy points at nothing: its critical view is over with the view.
+    return specimen, {each.name: each.by_hands_alone() for each in offered if not each.looks_only}
 
 
 @lru_cache(maxsize=32)

@@ -185,6 +185,12 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         """The most incidents of each class that do not fail it."""
         return {each.of: each.value for each in self.limits if each.of in ERROR_CLASSES}
 
+    def by_hands_alone(self) -> "Exercise":
+        """Return it without what is pointed at: a critical view is over once it is reached."""
+        if not isinstance(self.goal, CriticalView):
+            return self
+        return msgspec.structs.replace(self, goal=CriticalView(self.goal.points))
+
     def with_limits(self, values: dict[str, float]) -> "Exercise":
         """Return it with other limits, or with some more."""
         kept = tuple(
