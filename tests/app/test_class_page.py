@@ -168,9 +168,10 @@ needs = ["window"]
 """
 
 
-def test_a_level_is_begun_failed_and_begun_again_on_another_bed_by_keys_alone(
+def test_a_level_is_begun_failed_and_begun_again_on_another_bed_by_keys(
     browser: Browser, running: Trainer
 ) -> None:
+    """From the joined class on no mouse is used; it does not pass the level, nor ask for a show."""
     lesson = lesson_of(running)
     lesson.choose_course(COURSE)
     token = running.link.partition("token=")[2]
