@@ -42,7 +42,8 @@ COVER = """
 html:not(.bd-ready) { background: #17181b }
 html:not(.bd-ready) body > * { visibility: hidden; animation: bd-show 0s 15s forwards }
 html:not(.bd-ready) body::before { content: "Opening the trainer …"; position: fixed; inset: 0;
-  display: grid; place-items: center; color: #c9ccd1; font: 16px system-ui, sans-serif }
+  display: grid; place-items: center; background: #17181b; color: #c9ccd1;
+  font: 16px system-ui, sans-serif }
 """
 """Style of a page in which the trainer's own is not there yet; one that never comes shows viser's
 after 15 s."""
