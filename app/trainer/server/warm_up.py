@@ -44,6 +44,7 @@ MOST_LIFT = 40.0
 ICONS = (
     viser.Icon.ARROW_BACK_UP,
     viser.Icon.ARROW_LEFT,
+    viser.Icon.CAMERA,
     viser.Icon.DEVICE_FLOPPY,
     viser.Icon.DOWNLOAD,
     viser.Icon.HAND_GRAB,
