@@ -31,13 +31,7 @@ from app.simulation import (
 from organ_geometry import Organ
 
 __all__ = [
-    "AT_ANATOMY",
-    "GOALS",
-    "AssignedExercise",
-    "ExerciseFile",
-    "Goal",
-    "mode_of",
-    "read_exercise",
+    "AT_ANATOMY", "GOALS", "AssignedExercise", "ExerciseFile", "Goal", "mode_of", "read_exercise",
     "template",
 ]  # fmt: skip
 

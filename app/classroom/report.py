@@ -7,7 +7,8 @@ from importlib.resources import files
 
 from app.classroom.exercise_file import AssignedExercise
 from app.classroom.results import Result, Standing, best, bests, results, shown_names
-from app.classroom.store import MOST_POINTS, Assignment, ClassStore, now
+from app.classroom.store import Assignment, ClassStore, now
+from app.simulation import MOST_POINTS
 
 __all__ = ["report_page", "results_html", "standing_svg", "style"]
 

@@ -20,11 +20,11 @@ from typing import Any
 import platformdirs
 
 from app.classroom.photograph import MOST_BYTES, kind_of
+from app.simulation import MOST_POINTS
 
 __all__ = [
     "LONGEST_NAME",
     "MOST_PEOPLE",
-    "MOST_POINTS",
     "MOST_RUNS",
     "Assignment",
     "ClassFileError",
@@ -45,7 +45,7 @@ LONGEST_TITLE, LONGEST_NAME = 80, 40
 MOST_PEOPLE, MOST_RUNS, MOST_ASSIGNMENTS = 200, 500, 500
 """People of a class, runs of one of them, exercises set."""
 MOST_RUN_BYTES = 16_000_000
-MOST_PHOTOGRAPHS, MOST_POINTS = 2, 6
+MOST_PHOTOGRAPHS = 2
 BUSY_SECONDS = 10.0
 
 _TABLES = """

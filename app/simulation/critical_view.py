@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-__all__ = ["Closing", "CriticalView", "Tenting"]
+__all__ = ["MOST_POINTS", "Closing", "CriticalView", "Tenting"]
 
+MOST_POINTS = 6
+"""Of the critical view: two for each of its parts."""
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 
 

@@ -37,7 +37,7 @@ TIP_TICKS, SHIFT_TICKS = 3, 8
 TURN_MM = 2.0
 """mm by which a tip that goes back turns, and within which two holds are at one place."""
 SERIOUS_ML = 2.0
-"""mm^3/s below which nothing flows; ml of blood beyond which a bleeding is an injury, a choice."""
+"""ml of blood beyond which a bleeding is an injury, a choice."""
 LEAST_SPEED = 1.0
 """mm/s below which a hand that holds still trembles."""
 VIEW_TICKS = 10
@@ -273,7 +273,7 @@ class ErrorFinder:
             )
         self._nicked[:] = duct.nicked
 
-    def _judge_closing(self, event: "Event") -> None:
+    def _judge_closing(self, event: Event) -> None:
         """Judge a clip or a division: on which tube, and whether the time has come for it."""
         duct, incidents = self._duct, self.incidents
         tube, at = duct.tubes.names.index(event.tube), event.station

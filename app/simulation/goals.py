@@ -8,7 +8,7 @@ import msgspec
 
 from app.anatomy import tube_title
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.critical_view import Closing
+from app.simulation.critical_view import MOST_POINTS, Closing
 from app.simulation.grasped_beam import GraspedBeam
 from app.simulation.inputs import STRUCTURES, Structure
 from app.simulation.metrics import Metrics
@@ -26,7 +26,7 @@ __all__ = [
 ]
 
 MOST_REPEATS = 100
-MOST_POINTS, VIEW_TICKS, MOST_CLIPS = 6, 10, 4
+VIEW_TICKS, MOST_CLIPS = 10, 4
 LOST_MM = 3.0
 """mm freed where the exercise does not ask for it, from which on that is worth a word."""
 Span = tuple[float, float]

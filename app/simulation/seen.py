@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from app.anatomy import tube_title
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
-from app.simulation.critical_view import CriticalView
+from app.simulation.critical_view import MOST_POINTS, CriticalView
 from app.simulation.safety import ENOUGH, SOME, Safety
 from app.simulation.session import Session
 from app.simulation.spatial_tissue import EventKind
@@ -48,7 +48,7 @@ class Sights:
                 self._reached[what] = level
                 seen.append(Seen(now, what.format(f"{100.0 * level:.0f} %")))
         if view.total != self._points:
-            seen.append(Seen(now, f"{view.total} of 6 points (before: {self._points})"))
+            seen.append(Seen(now, f"{view.total} of {MOST_POINTS} points (before: {self._points})"))
             self._points = view.total
         if tick == self._last:
             spatial = self._session.spatial

@@ -11,7 +11,7 @@ from simulated import bed_session, phantom
 from test_bed_export import vtp
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from app.anatomy import anatomy_named
+from app.anatomy import Anatomy, anatomy_named
 from app.export.recorded_run import rigged_runs, run_snapshots
 from app.export.recorded_tubes import recorded_runs
 from app.export.vtk_series import snapshot_contents
@@ -94,15 +94,20 @@ def test_a_ureter_is_nicked_before_it_parts_and_so_in_its_replay(tmp_path: Path)
     assert "nick" not in {each.error for each in old.incidents()}
 
 
-def test_a_nicked_artery_bleeds_before_it_parts() -> None:
+def with_frail_artery(tear_mm_per_s: float, strength: float) -> Anatomy:
+    """The usual anatomy, whose artery tears in time at a fraction of its strength."""
     whole = anatomy_named("normal")
     tubes = [
-        replace(each, tear_mm_per_s=5.0, strength_MPa=0.02 * each.strength_MPa)
+        replace(each, tear_mm_per_s=tear_mm_per_s, strength_MPa=strength * each.strength_MPa)
         if each.name == "artery"
         else each
         for each in whole.tube
     ]
-    tissue = SpatialTissue(Specimen.of_anatomy(replace(whole, name="frail", tube=tubes)))
+    return replace(whole, name="frail", tube=tubes)
+
+
+def test_a_nicked_artery_bleeds_before_it_parts() -> None:
+    tissue = SpatialTissue(Specimen.of_anatomy(with_frail_artery(5.0, 0.02)))
     number = tissue.tubes.names.index("artery")
     place = tissue.grab(0, 0.5 * tissue.tubes.dissections[number].beam.span, number)
     assert place is not None
@@ -123,15 +128,9 @@ def test_a_nicked_artery_bleeds_before_it_parts() -> None:
 
 def test_a_device_feels_a_nick_of_one_tube_of_an_anatomy() -> None:
     whole = anatomy_named("normal")
-    tubes = [
-        replace(each, tear_mm_per_s=10.0, strength_MPa=0.1 * each.strength_MPa)
-        if each.name == "artery"
-        else each
-        for each in whole.tube
-    ]
     forces = list[list[float]]()
     held, begun = np.ones(1, np.bool_), 0
-    for anatomy in (replace(whole, name="frail", tube=tubes), whole):
+    for anatomy in (with_frail_artery(10.0, 0.1), whole):
         choice = DuctChoice.of(Specimen.of_anatomy(anatomy), tube="artery")
         model = choice.haptic_model(1.0)
         assert isinstance(model, HapticBed)

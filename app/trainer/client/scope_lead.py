@@ -111,13 +111,13 @@ class ScopeLead:
             return
         self.point(asked[(asked.index(self.points_at) + 1) % len(asked)])
 
-    def mark(self, way: Floats) -> None:
-        """Take the tube that is seen first along a way, (3,), for what is pointed at."""
+    def mark(self, direction: Floats) -> None:
+        """Take the tube that is seen first along a direction, (3,), for what is pointed at."""
         structure = self.points_at
         if structure is None or not self._may_act():
             return
         tissue = self.session.spatial
-        found = pointed_at(tissue.beam, self.held.camera.tip, way)
+        found = pointed_at(tissue.beam, self.held.camera.tip, direction)
         if found is None:
             self._state.refuse(NOTHING_THERE)
             return

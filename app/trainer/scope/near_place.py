@@ -39,18 +39,18 @@ def near_place(beam: BeamOnBed, tip: Floats, reach: float = REACH) -> tuple[int,
     return found
 
 
-def pointed_at(beam: BeamOnBed, eye: Floats, way: Floats) -> tuple[int, float] | None:
-    """Return the number of the tube that is seen first along a way, (3,), and the station, mm."""
-    way = way / math.sqrt(float((way * way).sum()))
+def pointed_at(beam: BeamOnBed, eye: Floats, direction: Floats) -> tuple[int, float] | None:
+    """Return the number of the tube seen first along a direction, (3,), and the station, mm."""
+    direction = direction / math.sqrt(float((direction * direction).sum()))
     nearest, found = math.inf, None
     for number, (name, tube) in enumerate(beam.network.tubes.items()):
         stations = beam.stations_of(name)
         fine = np.linspace(0.0, float(stations[-1]), 4 * len(stations))
         offset = beam.places_at(fine, name) - eye
-        deep = (offset * way).sum(axis=1)
+        deep = (offset * direction).sum(axis=1)
         radius = np.interp(fine, tube.stations, tube.radius)
         # A finger is less exact than a mouse: what is missed by so little is meant.
-        off = np.sqrt(((offset - deep[:, None] * way) ** 2).sum(axis=1)) - MISSED
+        off = np.sqrt(((offset - deep[:, None] * direction) ** 2).sum(axis=1)) - MISSED
         wall = deep - np.sqrt(np.maximum(radius**2 - np.maximum(off, 0.0) ** 2, 0.0))
         wall[(off > radius) | (deep <= 0.0)] = math.inf
         at = int(wall.argmin())

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import functools
 import gzip
 import io
 import logging
@@ -175,12 +176,18 @@ async def _covered(answer: Answer) -> Response | None:
     if response is None or not response.headers.get("Content-Type", "").startswith("text/html"):
         return response
     packed = response.headers.get("Content-Encoding") == "gzip"
-    page = gzip.decompress(response.body) if packed else bytes(response.body)
-    page = page.replace(b"</head>", f"<style>{COVER}</style></head>".encode(), 1)
-    response.body = gzip.compress(page) if packed else page
+    response.body = _with_cover(bytes(response.body), packed=packed)
     del response.headers["Content-Length"]
     response.headers["Content-Length"] = str(len(response.body))
     return response
+
+
+@functools.lru_cache(maxsize=2)
+def _with_cover(body: bytes, *, packed: bool) -> bytes:
+    """Return viser's page, which is the same at each call, with the cover."""
+    page = gzip.decompress(body) if packed else body
+    page = page.replace(b"</head>", f"<style>{COVER}</style></head>".encode(), 1)
+    return gzip.compress(page) if packed else page
 
 
 def stop_server(server: viser.ViserServer) -> None:

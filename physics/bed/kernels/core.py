@@ -164,7 +164,7 @@ def clear_of_rods(
 
 
 @inner
-def rod_way(rods: Floats, rods_to: Floats, press: Floats, m: int) -> Three:
+def rod_displacement(rods: Floats, rods_to: Floats, press: Floats, m: int) -> Three:
     """Return a rod's way to its target, mm, less what a hand that is held back cannot go."""
     x = rods_to[m, TIP] - rods[m, TIP]
     y = rods_to[m, TIP + 1] - rods[m, TIP + 1]
@@ -198,7 +198,7 @@ def rods_clear_of(s: State, fraction: float) -> float:
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] == 0.0:
             continue
-        to = rod_way(s.rods, s.rods_to, s.press, m)
+        to = rod_displacement(s.rods, s.rods_to, s.press, m)
         for element in range(s.h.size):
             if s.stiff[element, 0] == 0.0:
                 continue

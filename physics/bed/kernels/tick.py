@@ -10,7 +10,7 @@ import math
 from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
-from physics.bed.kernels.core import clear_of_rods, rod_way, rods_clear_of
+from physics.bed.kernels.core import clear_of_rods, rod_displacement, rods_clear_of
 from physics.bed.kernels.relaxation import settle
 from physics.bed.kernels.state import (
     CLEAR,
@@ -39,7 +39,7 @@ def rods_part(s: State, fraction: float) -> float:
     longest, thinnest = 0.0, math.inf
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] != 0.0:
-            way = rod_way(s.rods, s.rods_to, s.press, m)
+            way = rod_displacement(s.rods, s.rods_to, s.press, m)
             longest = max(longest, math.sqrt(dot(way, way)))
             thinnest = min(thinnest, s.rods[m, RADIUS])
     if fraction * longest > thinnest:  # it might jump over a strand
@@ -64,7 +64,7 @@ def advance(
             s.goal[n, r] += fraction * (s.goal_to[n, r] - s.goal[n, r])
             s.load[n, r] += fraction * (s.load_to[n, r] - s.load[n, r])
     for m in range(s.rods.shape[0]):
-        way = rod_way(s.rods, s.rods_to, s.press, m)
+        way = rod_displacement(s.rods, s.rods_to, s.press, m)
         for r in range(3):
             s.rods[m, TIP + r] += rods_fraction * way[r]
     account(s, int(RELAXED), relaxation)
