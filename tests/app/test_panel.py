@@ -1,6 +1,8 @@
 """Parts of the panel without a page: a plot that goes on, exercises and limits as they are told."""
 
+import asyncio
 from collections.abc import Iterator
+from queue import Queue
 from typing import Any
 from unittest.mock import MagicMock
 
@@ -10,6 +12,7 @@ import viser
 from simulated import bed_session, phantom
 
 from app.simulation import Session
+from app.trainer.panel.controls import on_work
 from app.trainer.panel.exercise_tab import AWAITED, NONE, ExerciseTab
 from app.trainer.panel.last_seconds import IDLE_SECONDS, SECONDS, LastSeconds
 from app.trainer.panel.measures_table import measures_html
@@ -26,6 +29,22 @@ def stand(session: Session, seconds: float) -> None:
     """Let time go by."""
     for _ in range(round(30 * seconds)):
         session.advance()
+
+
+def test_slow_work_gets_what_was_chosen_though_the_panel_shows_the_present_value_again(
+    gui: viser.GuiApi,
+) -> None:
+    choice, taken = gui.add_dropdown("Ghost", ("None", "Exact")), Queue[str]()
+    on_work(choice, taken.put)
+    called: Any = choice._impl.update_cb[0]  # pyright: ignore[reportPrivateUsage]
+
+    async def choose() -> None:
+        choice.value = "Exact"
+        await called(viser.GuiEvent(MagicMock(), 0, choice))
+        choice.value = "None"  # by the panel, before a thread was free
+
+    asyncio.run(choose())
+    assert taken.get(timeout=60.0) == "Exact"
 
 
 def test_the_plot_of_a_dissection_goes_on_while_nothing_moves(gui: viser.GuiApi) -> None:

@@ -1,5 +1,6 @@
 """What the tabs share: callbacks of inputs, and pieces of HTML."""
 
+import asyncio
 import html
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -43,11 +44,12 @@ def on_input(handle: Any, take: Callable[[Any], None]) -> None:
 
 def on_work(handle: Any, take: Callable[[Any], None]) -> None:
     """Call back with values set in the browser, in a thread of its own, for slow work."""
+    # The value is read at once: until a thread is free, a panel may show the present one again.
 
     @handle.on_update
-    def _(event: viser.GuiEvent[Any]) -> None:
+    async def _(event: viser.GuiEvent[Any]) -> None:
         if event.client_id is not None and handle.visible:
-            take(handle.value)
+            asyncio.get_running_loop().run_in_executor(None, take, handle.value)
 
 
 def on_click(handle: viser.GuiButtonHandle, do: Callable[[], object]) -> None:
