@@ -50,8 +50,8 @@ class Led(Protocol):
         """Keep a photograph that the page has sent."""
         ...
 
-    def mark(self, way: Floats) -> None:
-        """Take the tube that is seen first along a way, (3,), for what is pointed at."""
+    def mark(self, direction: Floats) -> None:
+        """Take the tube that is seen first along a direction, (3,), for what is pointed at."""
         ...
 
     leads_scope: bool
