@@ -53,7 +53,7 @@ links:  ## list the links that lead out of the docs, once each (those inside are
 	@grep -rohE 'https?://[^][ )<>"`]+' *.md docs --include='*.md' | sort -u
 
 screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium)
-	@$(BIN)/python tests/app/screenshots.py docs/images
+	@PYTHONPATH=tests/export $(BIN)/python tests/app/screenshots.py docs/images
 	@$(BIN)/python tests/app/film.py docs/images/dissection.webp
 	@$(BIN)/python examples/gallery.py docs/gallery.md docs/images/gallery
 	@$(BIN)/python examples/diagrams.py docs/images

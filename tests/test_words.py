@@ -100,6 +100,68 @@ def test_spelling_is_british() -> None:
     assert not found, "\n".join(found)
 
 
+def script_strings(path: Path) -> Iterator[str]:
+    """What stands in quotes in a script, without its comments, styles and shaders."""
+    text = re.sub(r"/\*.*?\*/|^\s*//.*?$", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for found in re.finditer(r'"((?:[^"\\\n]|\\.)*)"|`([^`]*)`', text):
+        each = found[1] if found[1] is not None else found[2]
+        if re.search(r"[A-Za-z]{2,} [A-Za-z]{2,}", each) and not re.search(r"[{};]\s*\n", each):
+            yield each
+
+
+def test_the_page_s_scripts_say_it_in_short_british_sentences() -> None:
+    scripts = sorted((ROOT / "app").rglob("*.js"))
+    assert scripts
+    for path in scripts:
+        for text in script_strings(path):
+            assert not AMERICAN.search(text), (path.name, text)
+            for each in sentences(text):
+                assert len(words(each)) <= MOST_WORDS, (path.name, each)
+
+
+OBSCURE = re.compile(
+    r"\b(told to|comes? to be seen|parted strands|strands (have )?parted|by own|whilst)\b",
+    re.IGNORECASE,
+)
+"""Words that newcomers stumbled over: say what is done by whom; broken strands are *broken*."""
+
+
+def test_the_page_has_no_word_that_newcomers_stumbled_over() -> None:
+    folders = [ROOT / "app" / "trainer", ROOT / "app" / "classroom"]
+    found = [
+        each
+        for folder in folders
+        for path in sorted(folder.rglob("*.py"))
+        for each in prose(path)
+        if OBSCURE.search(each.partition(": ")[2])
+    ]
+    for path in [each for folder in folders for each in folder.rglob("*.html")]:
+        found += [f"{path.name}: {each[0]}" for each in OBSCURE.finditer(path.read_text())]
+    assert not found, "\n".join(found)
+
+
+NOT_SI = re.compile(
+    r"\d ?(u[msJN]|secs?|hrs?|Newtons?|msec|KPa|Mpa|MPA|mpa|khz|KHz|hz|cc)\b"
+    r"|\d(mm|ms|kPa|MPa|kHz|Hz|mJ|ml)\b|\b(mm|cm|m)\^?[234]\b"
+)
+"""Units as the SI does not write them: no space before one, u for µ, a 2 for a raised one."""
+
+
+def test_units_are_written_as_the_si_writes_them() -> None:
+    found: list[str] = []
+    for folder in ("trainer", "classroom"):
+        for path in sorted((ROOT / "app" / folder).rglob("*.py")):
+            found += [each for each in prose(path) if NOT_SI.search(each.partition(": ")[2])]
+    for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
+        text = re.sub(r"^```.*?^```|`[^`]*`", "", path.read_text(), flags=re.MULTILINE | re.DOTALL)
+        text = re.sub(
+            r"\$\$.*?\$\$|\$[^$\n]+\$|https?://\S+|\]\([^)]*\)", "", text, flags=re.DOTALL
+        )
+        for line in text.splitlines():
+            found += [f"{path.name}: {each[0]} in {line[:90]}" for each in NOT_SI.finditer(line)]
+    assert not found, "\n".join(found)
+
+
 def test_the_teacher_s_page_says_it_in_short_sentences() -> None:
     for path in (ROOT / "app" / "trainer").rglob("*.html"):
         html = re.sub(r"<(script|style).*?</\1>", "", path.read_text(), flags=re.DOTALL)

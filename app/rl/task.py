@@ -125,7 +125,7 @@ AT_ANATOMY: dict[str, tuple[Number, ...]] = {
     "view": (
         Number("two structures", "", 0.0, 2.0, "points: two and only two structures enter"),
         Number("triangle", "", 0.0, 2.0, "points: the triangle is cleared"),
-        Number("plate", "", 0.0, 2.0, "points: the lower third of the plate is freed"),
+        Number("plate", "", 0.0, 2.0, "points: the lower third of the cystic plate is freed"),
         Number("structures parted", "", 0.0, 1.0, "smallest share of strands about one of them"),
         Number("neck parted", "", 0.0, 1.0, "share of strands between gallbladder and tubes"),
         Number("triangle parted", "", 0.0, 1.0, "share of strands in the triangle"),

@@ -386,7 +386,7 @@ class _Viewing:
             least = min(view.structures.values(), default=1.0)
             self._show(
                 f"; parted about the structures {100.0 * least:.0f} %, in the triangle "
-                f"{100.0 * view.triangle:.0f} %, at the plate {100.0 * view.plate:.0f} %"
+                f"{100.0 * view.triangle:.0f} %, at the cystic plate {100.0 * view.plate:.0f} %"
             )
         self._ticks += 1
         if self._points < self._goal.points:

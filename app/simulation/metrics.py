@@ -60,8 +60,8 @@ METRICS = (
         "strands_broken", "Strands broken", "", "", "Strands that have broken, of all that held.",
     ),
     Metric(
-        "strands_broken_by_hand", "By the hand", "", "",
-        "To which hand those strands are put down.", by_hand="By the left / right hand",
+        "strands_broken_by_hand", "Broken by the hand", "", "",
+        "Strands that each hand broke.", by_hand="Broken by the left / right hand",
     ),
     Metric(
         "strands_broken_by_instrument", "Broken by jaws or swab", "", "",
@@ -75,12 +75,12 @@ METRICS = (
     ),
     Metric(
         "peak_stress_ratio", "Peak stress", "% of break", "lower",
-        "The highest stress in the wall by the threshold: 100 % tears.", 100.0,
+        "The highest stress in the wall, as a part of the threshold: 100 % tears.", 100.0,
         limited="the wall never past {limit:.0f} % of its break",
         passed="The wall reached {value:.1f} % of its break, past {limit:.1f} %",
     ),
     Metric(
-        "peak_stress_station_mm", "Its place", "mm", "",
+        "peak_stress_station_mm", "Place of the peak stress", "mm", "",
         "Where the wall had its highest stress, from the first clamp.",
     ),
     Metric(
@@ -100,15 +100,16 @@ METRICS = (
         by_hand="Work of the left / right hand",
     ),
     Metric(
-        "strand_energy_mJ", "Energy into strands", "mJ", "", "What breaking the strands has taken.",
+        "strand_energy_mJ", "Energy into strands", "mJ", "",
+        "Energy that breaking the strands has taken.",
     ),
     Metric(
         "duct_energy_mJ", "Energy in the duct", "mJ", "lower",
-        "The most that the stretched and bent duct has held at once.",
+        "Largest elastic energy of the stretched and bent duct at any time.",
     ),
     Metric(
         "economy_of_work", "Economy of work", "", "higher",
-        "Energy into strands by the work of both hands: 1 would spare the duct wholly.",
+        "Energy into strands divided by the work of both hands: 1 would not load the duct at all.",
     ),
     Metric(
         "maximum_force_N", "Maximum force", "N", "lower", "Largest force of a hand.",
@@ -123,7 +124,7 @@ METRICS = (
         passed="The mean force was {value:.3g} N, past {limit:.3g} N",
     ),
     Metric(
-        "force_sd_N", "Its standard deviation", "N", "lower",
+        "force_sd_N", "Standard deviation of the force", "N", "lower",
         "How much the force varied over the same time.",
     ),
     Metric(
@@ -134,7 +135,8 @@ METRICS = (
     ),
     Metric(
         "overshoot", "Overshoot", "%", "lower",
-        "How far the duct was pulled past the goal, by the deflection in the goal's middle.", 100.0,
+        "How far the duct was pulled past the goal, as a part of the deflection in its middle.",
+        100.0,
         limited="no more than {limit:.0f} % past the goal",
         passed="It went {value:.0f} % past the goal, more than {limit:.0f} %",
     ),
@@ -161,8 +163,8 @@ METRICS = (
     ),
     Metric(
         "economy_of_motion", "Economy of motion", "", "higher",
-        "Farthest distance of the hook from where it took hold, over its path: 1 for one "
-        "straight pull.",
+        "Farthest distance of the hook from where it took hold, divided by its path: 1 for "
+        "one straight pull.",
     ),
     Metric(
         "smoothness", "Smoothness", "", "higher",
@@ -176,7 +178,7 @@ METRICS = (
     ),
     Metric(
         "blood_lost_ml", "Blood lost", "ml", "lower",
-        "What has flowed out of vessels, whether it was taken up or not.",
+        "What has flowed out of vessels, also what suction has taken up.",
         limited="no more than {limit:.3g} ml of blood lost",
         passed="{value:.3g} ml of blood were lost, more than {limit:.3g} ml",
     ),

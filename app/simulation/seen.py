@@ -81,5 +81,5 @@ def _fractions(view: CriticalView) -> list[tuple[str, float]]:
           for name, part in view.structures.items()),
         ("{} of what holds the gallbladder's neck to other tubes has parted", view.neck),
         ("the triangle is cleared to {}", view.triangle),
-        ("the lower third of the plate is freed to {}", view.plate),
+        ("the lower third of the cystic plate is freed to {}", view.plate),
     ]  # fmt: skip

@@ -2,6 +2,7 @@
 # pyright: reportUnknownMemberType=false
 """The page of predictions: a table, a picture, and what each is made from."""
 
+import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -21,7 +22,7 @@ HIT = 2.0
 def predictions_page(found: Sequence[Prediction]) -> str:
     """Return the page in Markdown."""
     words = files("app.validation").joinpath("predictions.md").read_text(encoding="utf-8")
-    return words.format(
+    page = words.format(
         draws=DRAWS,
         seed=SEED,
         hits=sum(abs(each.z) <= HIT for each in found),
@@ -29,6 +30,8 @@ def predictions_page(found: Sequence[Prediction]) -> str:
         table=predictions_table(found).rstrip(),
         sections="\n\n".join(_section(each) for each in found),
     )
+    # Units are plain ASCII in the experiments' files.
+    return re.sub(r"\b([cm]?m)2\b", "\\1²", page)
 
 
 def predictions_table(found: Sequence[Prediction]) -> str:

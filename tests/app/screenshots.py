@@ -1,8 +1,12 @@
 """Take the pictures in docs/: `make screenshots`. Needs Chromium, as the browser tests do."""
 
+import io
 import sys
+import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 from browser import (
@@ -13,13 +17,19 @@ from browser import (
     running_browser,
     trainer_page,
 )
-from playwright.sync_api import Browser, expect
+from PIL import Image
+from playwright.sync_api import Browser, Page, expect
+from program import run
 from simulated import bed_exercises, phantom
+from test_class_page import Trainee, opened, teacher_page
 
+from app.classroom.exercise_file import template
+from app.classroom.store import ClassStore
 from app.simulation import MANNERS, Feedback, perform
 from app.trainer.server.trainer import Trainer
 
 WIDE, PHONE = (1440, 900), (390, 844)
+SMALL = 1280, 800
 
 
 def close_hint(tab: TrainerPage) -> None:
@@ -34,14 +44,19 @@ def close_hint(tab: TrainerPage) -> None:
 def take(tab: TrainerPage, path: Path) -> None:
     """Wait until the picture stands still, and keep it."""
     close_hint(tab)
+    take_page(tab.page, path)
+
+
+def take_page(page: Page, path: Path) -> None:
+    """Take the picture of any page once it stands still."""
     last = b""
     for _ in range(40):
         time.sleep(1.0)
-        now = tab.page.screenshot(type="jpeg", quality=88, timeout=5.0 * PATIENCE)
+        now = page.screenshot(type="png", timeout=5.0 * PATIENCE)
         if now == last:
             break
         last = now
-    path.write_bytes(last)
+    Image.open(io.BytesIO(last)).convert("RGB").save(path, quality=82)
     print(path)
 
 
@@ -92,20 +107,131 @@ def take_pull(trainer: Trainer, browser: Browser, folder: Path) -> None:
         take(tab, folder / "trainer-heat.jpg")
 
 
-def main(folder: Path) -> None:
-    """Take the pictures that the documents show."""
-    folder.mkdir(parents=True, exist_ok=True)
-    trainer = Trainer(phantom(), port=0)
+def take_tabs(trainer: Trainer, browser: Browser, folder: Path) -> None:
+    """Take the tabs of a duct: an organ being built, theories compared, the model."""
+    width, height = SMALL
+    with trainer_page(
+        browser, trainer.address, width=width, height=height, query="&scene=free"
+    ) as tab:
+        tab.slide("Force F (N)", 2.0)
+        tab.wait_for_force(2.0)
+        tab.open("Compare")
+        tab.choose("Ghost", "String (very large deflection)")
+        take(tab, folder / "page-compare.webp")
+        tab.open("Model")
+        take(tab, folder / "page-model.webp")
+        tab.open("Build")
+        tab.press("Use the built-in phantom")
+        expect(tab.page.get_by_test_id("build-result")).to_contain_text("10 kept")
+        take(tab, folder / "page-build.webp")
+
+
+def take_scope(trainer: Trainer, browser: Browser, folder: Path) -> None:
+    """Take the page of Calot's triangle, and a picture whose structures are asked for."""
+    width, height = SMALL
+    with trainer_page(
+        browser, trainer.address, width=width, height=height, query="&scene=calot",
+        node="/scope/state",
+    ) as tab:  # fmt: skip
+        take(tab, folder / "page-calot.webp")
+        tab.open("Learn")
+        tab.choose("Exercise", "Who is who")
+        tab.press("Start")
+        expect(tab.page.get_by_test_id("exercise-state")).to_be_visible()
+        take(tab, folder / "page-who-is-who.webp")
+
+
+def take_class(browser: Browser, folder: Path, work: Path) -> None:
+    """Take a teacher's page and a trainee's, after a try."""
+    ClassStore.new(work / "class.sqlite", "Surgery 3A").close()
+    trainer = opened(work / "class.sqlite", 0)
+    trainer.warm_up.wait("bed")
+    token = trainer.link.partition("token=")[2]
+    width, height = SMALL
     try:
-        with running_browser(drawing=True) as browser:
-            take_result(trainer, browser, folder)
-            take_pull(trainer, browser, folder)
-            for phone in (True, False):
-                take_dissection(trainer, browser, folder, phone=phone)
+        teacher = teacher_page(browser, trainer)
+        with trainer_page(
+            browser, trainer.address, width=width, height=height, query=f"&token={token}"
+        ) as tab:
+            trainee = Trainee(tab)
+            trainee.join("Ann")
+            teacher.locator("#advanced summary").click()
+            teacher.locator("#text").fill(template("window"))
+            teacher.locator("#assign").click()
+            teacher.locator("#advanced summary").click()
+            teacher.locator("#start").click()
+            expect(tab.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
+            trainee.lift(14)
+            trainee.told("Failed.")
+            tab.page.keyboard.press("Escape")
+            take(tab, folder / "page-trainee.webp")
+            expect(teacher.locator("#found tbody tr")).to_have_count(1)
+            take_page(teacher, folder / "page-teacher.webp")
+        teacher.context.close()
     finally:
-        close_browser()
         trainer.stop()
 
 
+def take_case(browser: Browser, folder: Path, work: Path) -> None:
+    """Take the page on which tubes of a segmentation are chosen."""
+    assert run("anatomy", "normal", "--voxels", work / "labels.seg.nrrd").returncode == 0
+    width, height = SMALL
+
+    def serve(start: Callable[[], Trainer], _: object) -> None:
+        trainer = start()
+        try:
+            trainer.warm_up.wait("calot")
+            with trainer_page(
+                browser, trainer.link, width=width, height=height, node="/scope/state"
+            ) as tab:
+                tab.page.get_by_test_id("case-picture").wait_for()
+                take(tab, folder / "page-case.webp")
+        finally:
+            trainer.stop()
+
+    words = ["--labels", work / "labels.seg.nrrd", "-o", work / "case", "--build-page"]
+    with patch("app.command_line.serving.serve", serve):
+        done = run("anatomy", *words, "--port", 0)
+    assert done.returncode == 0, done.stderr
+
+
+def take_player(browser: Browser, folder: Path, work: Path) -> None:
+    """Take the page that plays an organ by itself."""
+    done = run("export", "--force", 3.0, "--html", work / "pull.html")
+    assert done.returncode == 0, done.stderr
+    page = browser.new_page(viewport=dict(zip(("width", "height"), SMALL, strict=True)))
+    page.goto((work / "pull.html").as_uri())
+    page.locator("canvas").wait_for()
+    page.wait_for_timeout(8000)
+    page.screenshot(path=work / "player.png", timeout=5.0 * PATIENCE)
+    Image.open(work / "player.png").convert("RGB").save(folder / "page-player.webp", quality=82)
+
+
+def main(folder: Path, *only: str) -> None:
+    """Take the pictures that the documents show; or only some kinds of them."""
+    pages = folder / "gallery"
+    pages.mkdir(parents=True, exist_ok=True)
+    trainer = Trainer(phantom(), port=0)
+    with tempfile.TemporaryDirectory() as name, running_browser(drawing=True) as browser:
+        work = Path(name)
+        kinds: dict[str, Callable[[], None]] = {
+            "result": lambda: take_result(trainer, browser, folder),
+            "pull": lambda: take_pull(trainer, browser, folder),
+            "phone": lambda: take_dissection(trainer, browser, folder, phone=True),
+            "dissection": lambda: take_dissection(trainer, browser, folder, phone=False),
+            "tabs": lambda: take_tabs(trainer, browser, pages),
+            "scope": lambda: take_scope(trainer, browser, pages),
+            "class": lambda: take_class(browser, pages, work),
+            "case": lambda: take_case(browser, pages, work),
+            "player": lambda: take_player(browser, pages, work),
+        }
+        try:
+            for kind in only or kinds:
+                kinds[kind]()
+        finally:
+            close_browser()
+            trainer.stop()
+
+
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), *sys.argv[2:])

@@ -85,7 +85,7 @@ def _caption(session: Session, tick: int) -> str:
     tissue = session.spatial
     torn = [each.tube for each in tissue.events if each.kind == "tear"]
     lost = sum(each.lost_ml for each in session.reading().fluids)
-    words = [f"{tick * TICK_SECONDS:.0f} s", f"{session.reading().broken} strands parted"]
+    words = [f"{tick * TICK_SECONDS:.0f} s", f"{session.reading().broken} strands broken"]
     words += [f"torn: {', '.join(map(tube_title, torn))}"] * bool(torn)
     words += [f"{lost:.1f} ml lost"] * (lost >= 0.05)
     return "   ".join(words)

@@ -292,7 +292,7 @@ def _timeline_html(
         )
         ticks = "".join(f"M{place:.1f} {HEIGHT}v3" for place in np.unique(parted.round(1)))
         parts.append(f"<path d='{ticks}' stroke='currentColor' opacity='.6' fill='none'/>")
-        words += " Ticks: strands part."
+        words += " Ticks: strands break."
     parts += [
         f"<text x='{LEFT - 4}' y='{y(part) + 4:.1f}' text-anchor='end'>{100 * part:.0f}</text>"
         for part in (0.0, 1.0)

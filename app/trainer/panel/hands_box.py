@@ -19,7 +19,7 @@ OFFERED: dict[Instrument, tuple[str, str]] = {
 }
 HOW: dict[Instrument, str] = {
     "hook": "Press the duct to take it, drag to pull. It lets go with the mouse.",
-    "grasper": "Press the duct to take it, drag to pull. It stays until it is told to let go.",
+    "grasper": "Press the duct to take it, drag to pull. It stays until you let go (G).",
     "dissector": "With Shift or the right button drag it into the picture, behind the duct. Then "
     "open its jaws by the slider or with O.",
     "swab": "Drag it down beside the duct, then along it.",

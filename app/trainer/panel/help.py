@@ -76,10 +76,10 @@ close to the front where strands still hold, straight off the bed, without haste
 _FREE_GOAL = "**Goal.** Find how far the duct can be pulled before it tears.\n"
 _HANDS = """\
 **The hands.** A **hook** takes the duct where you press and lets go with the mouse. A **grasper**
-takes it likewise, and stays where it is left until it is told to let go. A **dissector** parts
+does so too, and stays where you leave it until you let go (G). A **dissector** parts
 strands by opening its jaws behind the duct, a **swab** by sweeping. Press an instrument to lead it
-and to make its hand the active one; what you drag moves in the plane of the screen, with **Shift**,
-the right button or *Into the picture* into it and out of it. Drag beside the duct to look
+and to make its hand the active one. A drag moves it in the plane of the screen; with **Shift**,
+the right button or *Into the picture* it moves in depth. Drag beside the duct to look
 around, scroll to come nearer.
 """
 _FORCE = """\
@@ -89,8 +89,8 @@ to look around, scroll to come nearer. *Theory* under **Compare** gives it two h
 """
 _BED_FIGURES = """\
 **The figures.** *Distance to break* is 100 % for a slack duct and 0 % where it tears. *Freed* is
-the length about which nearly all strands have parted. *Into strands* is the part of your work that
-has parted strands; the rest has stretched the duct. Arrows show the force of each hand.
+the length around which nearly all strands have broken. *Economy of work* is the part of your work
+that broke strands; the rest has stretched the duct. Arrows show the force of each hand.
 """
 _TEARS = """\
 It tears where normal stress +

@@ -18,20 +18,22 @@ BAND = (
     "Ducts of this shape, bent and stretched like this one, whose modulus and strength are within "
     "the factors chosen"
 )
-DISTANCE = "1 less the highest nominal stress by the threshold: 100 % is a slack duct, 0 % tears"
+DISTANCE = (
+    "1 minus highest nominal stress divided by threshold: 100 % is a slack duct, at 0 % it tears"
+)
 FORCE = "The whole force of the grasper across the duct, newtons"
 DEFLECTION = "How far the duct is pulled out where the hook holds it"
 BREAKS = "Force at which this duct tears when it is held here"
 NORMAL = "Tension along the duct, the same over its whole section"
 BENDING = "Tension at the outermost fibre from the bend"
-FREED = "Length of duct about which all strands but a few have parted"
+FREED = "Length of duct around which nearly all strands have broken"
 PARTED = "Strands that have broken, of all that held the duct; they never heal"
-PEAK = "The highest nominal stress so far by the threshold; the mark on the bar is there too"
-NICKED = "How deep the wall is torn, of its height: from three quarters on it parts"
+PEAK = "The highest nominal stress so far, as a part of the threshold; the bar is marked there too"
+NICKED = "How much of the section's height is torn: at three quarters it tears through"
 HAND_FORCE = "What this hand feels: its pull on the duct, or its push on strands, newtons"
 ENERGY = (
-    "Part of the work of both hands that went into strands that parted; the rest has stretched the "
-    "duct and the tissue"
+    "Energy into strands that broke, as a part of the work of both hands; the rest has stretched "
+    "duct and tissue"
 )
 THRESHOLD = "The duct tears where normal and bending stress together exceed this"
 COLOURS = {
@@ -162,7 +164,7 @@ def _cells(reading: Reading) -> list[str]:
         _cell(term("Strands broken", PARTED), f"{reading.broken}", f"of {reading.strands}"),
         *hands,
         _cell(
-            term("Into strands", ENERGY),
+            term("Economy of work", ENERGY),
             "–" if part is None else f"{part:.0f}",
             f"% of {energy.work:.1f} mJ",
         ),

@@ -98,7 +98,7 @@ def _photographs_html(taken: Sequence[bytes]) -> str:
 def _seen_html(seen: Sequence[Seen]) -> str:
     """Return what was seen when, as HTML."""
     if not seen:
-        return note("Nothing came to be seen, and nothing happened to a tube.", "seen")
+        return note("No part of the critical view was reached, and no tube was injured.", "seen")
     rows = [(f"{each.seconds:.0f} s", html.escape(each.what)) for each in seen]
     table = rows_html(rows, "padding:2px 14px 2px 0;text-align:right;white-space:nowrap", "")
     return f"<table data-testid='seen' style='margin:8px 12px;font-size:13px'>{table}</table>"

@@ -17,7 +17,7 @@ __all__ = ["TrainTab"]
 COLOURED: dict[Colours, tuple[str, str]] = {
     "tissue": ("Tissue", "The duct as it looks (H)"),
     "stress": ("Stress", "Tensile stress at the wall, from none to the threshold (H)"),
-    "freed": ("Freed", "Where the strands about the duct have parted (H)"),
+    "freed": ("Freed", "Where the strands around the duct have broken (H)"),
 }
 
 
