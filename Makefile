@@ -16,7 +16,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 WORKERS ?= -n 2 --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help trainer wheel test test-all coverage check bench docs links screenshots soak licences audit lint prose types layers format clean
+.PHONY: help trainer wheel test test-all coverage check bench docs links strings screenshots soak licences audit lint prose types layers format clean
 
 help:  ## say what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -51,6 +51,9 @@ docs: $(VENV)/.tests  ## build the site in site/: open site/index.html
 
 links:  ## list the links that lead out of the docs, once each (those inside are checked by `make docs`)
 	@grep -rohE 'https?://[^][ )<>"`]+' *.md docs --include='*.md' | sort -u
+
+strings: $(VENV)/.runs  ## write every string that users read, with its place, to build/strings.pot for translators
+	@mkdir -p build && $(BIN)/python tests/app/page_strings.py build/strings.pot && echo build/strings.pot
 
 screenshots: $(VENV)/.tests  ## take the pictures in docs/images (needs Chromium)
 	@PYTHONPATH=tests/export $(BIN)/python tests/app/screenshots.py docs/images

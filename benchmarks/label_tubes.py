@@ -1,7 +1,7 @@
 """How near tubes found in labels come to the meshes that the labels were made from, and how small.
 
-``python -m benchmarks.label_tubes`` prints the table of docs/anatomy.md. It needs the volumes of an
-anatomy atlas in `BLUNTDISSECT_DATA`, and ``--draco`` what `pip install .[bench]` installs.
+``python -m benchmarks.label_tubes`` prints a table of docs/anatomy-method.md. It needs volumes of
+an anatomy atlas in `BLUNTDISSECT_DATA`, and ``--draco`` what `pip install .[bench]` installs.
 ``--held-out 20`` prints another: cases of so many seeds as labels, turned, flipped, in cubes and in
 thick slices, with wrong labels, and how many of their tubes and joins are found.
 """

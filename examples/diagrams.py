@@ -1,8 +1,11 @@
 """Draw the site's diagrams as SVG, the architecture from the imports that the code has.
 
+The critical view is drawn over a still that `examples/scope_stills.py` took.
+
 python examples/diagrams.py docs/images
 """
 
+import base64
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -28,6 +31,9 @@ GIVES = {
     "assets": "presets, beds, phantom",
     "kernel_cache": "compiled code",
 }
+STILL = Path(__file__).parents[1] / "docs" / "images" / "scope-window.webp"
+STILL_SIZE = 760, 520
+"""Px. What the critical view points at are places in this picture: another still needs others."""
 INK, LINE, FILL, TEXT = "#1f2d3d", "#7a8ca0", "#e8f1f2", 'font-family="sans-serif"'
 
 
@@ -71,6 +77,13 @@ class Drawing:
         dashes = ' stroke-dasharray="5 4"' if dashed else ""
         self._lines.append(
             f'<path d="{d}" fill="{fill}" stroke="{colour}" stroke-width="{width}"{dashes}{tip}/>'
+        )
+
+    def picture(self, path: Path, width: int, height: int) -> None:
+        """Lay a WebP picture into the top left corner; the SVG holds all of it."""
+        content = base64.b64encode(path.read_bytes()).decode()
+        self._lines.append(
+            f'<image width="{width}" height="{height}" href="data:image/webp;base64,{content}"/>'
         )
 
     def save(self, path: Path) -> None:
@@ -250,12 +263,43 @@ def organ_file(path: Path) -> None:
     drawing.save(path)
 
 
+def critical_view(path: Path) -> None:
+    """Name the structures and the three parts of the critical view, over the program's picture."""
+    width, height = STILL_SIZE
+    drawing = Drawing(width, height + 88, "The critical view of safety, through the laparoscope")
+    drawing.picture(STILL, width, height)
+    for words, x, y, anchor, start, to in (
+        ("gallbladder", 14, 40, "start", (44, 46), (185, 105)),
+        ("3", 120, 24, "middle", (120, 30), (322, 168)),
+        ("cystic duct", 14, 470, "start", (44, 456), (428, 268)),
+        ("2", 36, 250, "middle", (44, 250), (452, 262)),
+        ("cystic artery", 746, 60, "end", (646, 56), (424, 236)),
+        ("right hepatic artery", 746, 122, "end", (596, 118), (470, 222)),
+        ("common duct", 746, 470, "end", (700, 456), (540, 300)),
+    ):
+        drawing.path(f"M{start[0]} {start[1]}L{to[0]} {to[1]}", colour="#ffffff", width=1.2)
+        drawing.path(
+            f"M{to[0] - 2} {to[1]}a2 2 0 1 0 4 0a2 2 0 1 0 -4 0", colour="#ffffff", width=2
+        )
+        drawing.text(x, y, words, anchor=anchor, bold=True, colour="#ffffff")
+    for i, words in enumerate(
+        (
+            "1  Only cystic duct and artery enter the gallbladder, free all round.",
+            "2  The triangle between cystic duct, common duct and liver is cleared of fat.",
+            "3  The lower third of the gallbladder is freed from the cystic plate.",
+        )
+    ):
+        drawing.text(14, height + 26 + 24 * i, words, anchor="start", size=14)
+    drawing.save(path)
+
+
 def main(folder: str) -> None:
     """Write all diagrams into a folder."""
     to = Path(folder)
     architecture(to / "architecture.svg")
     frames(to / "frames.svg")
     organ_file(to / "organ-file.svg")
+    critical_view(to / "critical-view.svg")
 
 
 if __name__ == "__main__":

@@ -58,6 +58,17 @@ def test_pages_load_nothing_from_elsewhere(site: Path) -> None:
         assert "Not clinically validated, not a medical device." in html
 
 
+def test_each_page_is_of_one_kind() -> None:
+    """Tutorials, how-to, reference, explanation; only the start is of none."""
+    nav = (ROOT / "mkdocs.yml").read_text().partition("\nnav:\n")[2]
+    kinds = re.findall(r"^  - (.+):$", nav, flags=re.MULTILINE)
+    assert kinds == ["Tutorials", "How to", "Reference", "Explanation"]
+    assert re.findall(r"^  - (\S+\.md)$", nav, flags=re.MULTILINE) == ["index.md"]
+    named = re.findall(r"(\S+\.md)$", nav, flags=re.MULTILINE)
+    pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")}
+    assert sorted(named) == sorted(pages)
+
+
 def test_python_s_faces_are_described(site: Path) -> None:
     import physics
     import physics.bed
@@ -99,7 +110,7 @@ def test_the_diagrams_are_of_this_code(tmp_path: Path) -> None:
     """Where an import is new: python examples/diagrams.py docs/images."""
     subprocess.run([sys.executable, "examples/diagrams.py", tmp_path], cwd=ROOT, check=True)
     made = list(tmp_path.iterdir())
-    assert len(made) == 3
+    assert len(made) == 4
     for path in made:
         assert path.read_text() == (ROOT / "docs" / "images" / path.name).read_text(), path.name
 

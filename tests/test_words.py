@@ -1,11 +1,13 @@
 """The words that users read: short sentences, British spelling, one name for a thing."""
 
 import ast
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from page_strings import catalogue, script_strings, strings
 
 from app.simulation import METRICS
 
@@ -19,32 +21,6 @@ AMERICAN = re.compile(
     r"initial|recogn|organ|summar|visual)iz(?:e|es|ed|ing|ation))\b",
     re.IGNORECASE,
 )
-
-
-def strings(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Line and text of each string that is no docstring; what is filled in stands as a word."""
-    docs = {
-        id(node.body[0].value)
-        for node in ast.walk(tree)
-        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef))
-        and node.body and isinstance(node.body[0], ast.Expr)
-    }  # fmt: skip
-    docs |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    inside = {
-        id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)
-        for part in ast.walk(node) if part is not node
-    }  # fmt: skip
-    for node in ast.walk(tree):
-        if id(node) in docs or id(node) in inside:
-            continue
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.lineno, node.value
-        elif isinstance(node, ast.JoinedStr):
-            parts = (
-                part.value if isinstance(part, ast.Constant) and isinstance(part.value, str)
-                else "X" for part in node.values
-            )  # fmt: skip
-            yield node.lineno, "".join(parts)
 
 
 def sentences(text: str) -> list[str]:
@@ -98,15 +74,6 @@ def test_spelling_is_british() -> None:
         text = re.sub(r"^```.*?^```|`[^`]*`", "", path.read_text(), flags=re.MULTILINE | re.DOTALL)
         found += [f"{path.name}: {each[0]}" for each in AMERICAN.finditer(OTHERS.sub("", text))]
     assert not found, "\n".join(found)
-
-
-def script_strings(path: Path) -> Iterator[str]:
-    """What stands in quotes in a script, without its comments, styles and shaders."""
-    text = re.sub(r"/\*.*?\*/|^\s*//.*?$", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
-    for found in re.finditer(r'"((?:[^"\\\n]|\\.)*)"|`([^`]*)`', text):
-        each = found[1] if found[1] is not None else found[2]
-        if re.search(r"[A-Za-z]{2,} [A-Za-z]{2,}", each) and not re.search(r"[{};]\s*\n", each):
-            yield each
 
 
 def test_the_page_s_scripts_say_it_in_short_british_sentences() -> None:
@@ -209,3 +176,15 @@ def test_few_sentences_of_the_docs_are_very_long() -> None:
                 parts = re.split(r"(?<=[.!?:])\s+(?=[A-Z*`(\"'0-9])", line)
                 found += [f"{path.name}: {each}" for each in parts if len(each.split()) > 40]
     assert len(found) <= 10, "\n".join(found)
+
+
+def test_a_translator_finds_every_word_of_the_page_in_one_file() -> None:
+    """Titles of measures, labels, hints, scripts and the teacher's page, each with its place."""
+    text = catalogue(ROOT)
+    for metric in METRICS:
+        assert json.dumps(metric.title) in text, metric.key
+    for each in ("Take hold or let go", "Not clinically validated, not a medical device.",
+                 "Nobody has joined yet.", "Held ahead of the front"):  # fmt: skip
+        assert f'msgid "{each}"' in text, each
+    assert "app/trainer/classroom/teacher.html:" in text
+    assert text.count("msgid ") == len(set(re.findall(r"^msgid .*$", text, flags=re.MULTILINE)))

@@ -1,4 +1,4 @@
-"""An anatomy as the network of beams and strands that stands for it (docs/anatomy.md)."""
+"""An anatomy as the network of beams and strands that stands for it (docs/anatomy-method.md)."""
 
 from dataclasses import dataclass, replace
 from typing import Any

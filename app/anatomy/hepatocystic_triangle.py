@@ -45,7 +45,7 @@ _ORIFICE_DEG = {
 }
 _COMMON_WALL_MM = 1.0
 # The gallbladder runs up, to the right and a little to the front from its neck; its liver bed lies
-# above, right and in front of it, as in the atlas of docs/anatomy.md.
+# above, right and in front of it, as in the atlas of docs/anatomy-method.md.
 _GALLBLADDER_DIRECTION = np.array([0.62, 0.78, 0.05]) / math.hypot(0.62, 0.78, 0.05)
 _LIVER_DIRECTION = (0.68, 0.60, 0.42)
 # Of the gallbladder's largest radius, even along it; of its length, depth of its sag.

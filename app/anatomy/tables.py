@@ -1,4 +1,4 @@
-"""The tables of an anatomy file (docs/anatomy.md): tubes, joins, layers of tissue.
+"""The tables of an anatomy file (docs/anatomy-file.md): tubes, joins, layers of tissue.
 
 An anatomy has one frame: x along the first tube, y to the patient's right, z away from the bed;
 `place` says where that frame stands in the patient (LPS).

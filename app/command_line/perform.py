@@ -15,7 +15,7 @@ __all__ = ["perform"]
 
 def perform(
     script: Annotated[
-        Path, typer.Argument(help="The script, a TOML file; docs/anatomy.md has its fields.")
+        Path, typer.Argument(help="The script, a TOML file; docs/anatomy-file.md has its fields.")
     ],
     anatomy: Annotated[
         str, typer.Option(help="A shipped anatomy's name or an anatomy file.")

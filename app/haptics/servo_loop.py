@@ -273,7 +273,7 @@ class ServoLoop:
         """Take the last step again with the twin, for nothing but a processor that has it at hand.
 
         Other processes run between two periods, and what a step needs is no longer in the caches:
-        it took two to three times as long (docs/haptics.md).
+        it took two to three times as long (docs/haptic-forces.md).
         """
         if self._twin is not None:
             self._twin.step(*self._last)

@@ -1,4 +1,4 @@
-"""What a policy is to do, and the numbers that it sees, sends and is rewarded by (docs/rl.md)."""
+"""A policy's task: the numbers that it sees, sends and is rewarded by (docs/rl-spaces.md)."""
 
 import math
 from collections.abc import Mapping, Sequence

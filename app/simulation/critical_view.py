@@ -1,4 +1,4 @@
-"""The critical view of safety and a tented duct, as `Safety` finds them (docs/anatomy.md)."""
+"""The critical view of safety and a tented duct, as `Safety` finds them (docs/anatomy-file.md)."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

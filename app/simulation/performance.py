@@ -1,4 +1,4 @@
-"""Scripted hands at an anatomy: a file of steps, done in a session (docs/anatomy.md)."""
+"""Scripted hands at an anatomy: a file of steps, done in a session (docs/anatomy-file.md)."""
 
 import math
 import re

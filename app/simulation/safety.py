@@ -1,4 +1,4 @@
-"""What is safe at the hepatocystic triangle, from the state alone (docs/anatomy.md).
+"""What is safe at the hepatocystic triangle, from the state alone (docs/anatomy-file.md).
 
 The critical view of safety [Strasberg & Brunt 2010] has three parts of 0 to 2 points each: two and
 only two structures enter the gallbladder; the hepatocystic triangle is cleared; the lower third of

@@ -1,4 +1,4 @@
-"""Write the tables of docs/rl.md from the code: `python tests/app/rl_page.py docs/rl.md`."""
+"""Write its page's tables from the code: `python tests/app/rl_page.py docs/rl-spaces.md`."""
 
 import sys
 from pathlib import Path

@@ -27,6 +27,7 @@ from app.classroom.exercise_file import template
 from app.classroom.store import ClassStore
 from app.simulation import MANNERS, Feedback, perform
 from app.trainer.server.trainer import Trainer
+from assets import BILE_DUCT
 
 WIDE, PHONE = (1440, 900), (390, 844)
 SMALL = 1280, 800
@@ -158,7 +159,6 @@ def take_class(browser: Browser, folder: Path, work: Path) -> None:
             teacher.locator("#advanced summary").click()
             teacher.locator("#text").fill(template("window"))
             teacher.locator("#assign").click()
-            teacher.locator("#advanced summary").click()
             teacher.locator("#start").click()
             expect(tab.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
             trainee.lift(14)
@@ -197,12 +197,12 @@ def take_case(browser: Browser, folder: Path, work: Path) -> None:
 
 def take_player(browser: Browser, folder: Path, work: Path) -> None:
     """Take the page that plays an organ by itself."""
-    done = run("export", "--force", 3.0, "--html", work / "pull.html")
+    done = run("export", BILE_DUCT, "--force", 3.0, "--html", work / "pull.html")
     assert done.returncode == 0, done.stderr
-    page = browser.new_page(viewport=dict(zip(("width", "height"), SMALL, strict=True)))
+    page = browser.new_page(viewport={"width": SMALL[0], "height": SMALL[1]})
     page.goto((work / "pull.html").as_uri())
-    page.locator("canvas").wait_for()
-    page.wait_for_timeout(8000)
+    page.wait_for_function("() => window.__viserMutable?.scene", timeout=PATIENCE)
+    page.wait_for_timeout(12_000)  # into the pull, drawn by a processor
     page.screenshot(path=work / "player.png", timeout=5.0 * PATIENCE)
     Image.open(work / "player.png").convert("RGB").save(folder / "page-player.webp", quality=82)
 

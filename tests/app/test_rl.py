@@ -267,5 +267,5 @@ def test_bad_actions_and_calls_get_gymnasium_s_errors() -> None:
 
 
 def test_the_page_has_the_code_s_tables() -> None:
-    page = (ROOT / "docs" / "rl.md").read_text(encoding="utf-8")
-    assert page == renewed(page), "make it anew: python tests/app/rl_page.py docs/rl.md"
+    page = (ROOT / "docs" / "rl-spaces.md").read_text(encoding="utf-8")
+    assert page == renewed(page), "make it anew: python tests/app/rl_page.py docs/rl-spaces.md"

@@ -153,5 +153,6 @@ def test_a_course_s_file_and_a_record_store_are_advanced(teacher: Page) -> None:
     expect(teacher.locator("#said")).to_contain_text("must begin with https")
     course.get_by_role("button", name="No course").click()
     expect(teacher.locator("#no-course")).to_be_visible()
+    expect(teacher.locator("#all-levels")).to_be_hidden()
     teacher.locator("#give-course").click()
     expect(course.locator("table.grid")).to_be_visible()
