@@ -1,6 +1,6 @@
 """Take four stills through the laparoscope, drawn by a headless Chromium.
 
-python examples/scope_stills.py docs/images
+python examples/scope_stills.py docs/images [folder of kept runs] [names of stills]
 
 It needs pip install 'bluntdissect[film]', and a Chromium.
 """
@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import cv2
+from scope_film import run_of
 
 from app.anatomy import anatomy_named, anatomy_network
-from app.simulation import Replay, Session, Specimen, performed, read_run, read_script
 from app.trainer.pages.scope_film import filmed
 from app.trainer.pages.scope_player import follow
 from app.trainer.scope.held_scope import HeldScope
 
-ROOT = Path(__file__).parents[1]
 SIZE = 1280, 800
 QUALITY = 85
 
@@ -33,25 +32,15 @@ class Still(NamedTuple):
 
 STILLS = (
     Still("scope-covered", "careful", 6.0),
-    Still("scope-webs", "careful", 160.0, 22.0),
+    Still("scope-webs", "careful", 300.0, 22.0),
     Still("scope-window", "careful", 525.0, 8.0),
     Still("scope-bleeding", "hasty", 5.0),
 )
 
 
-def run_of(script: str) -> Replay:
-    """Return a replay of what a script does at the usual anatomy; from its run where it is kept."""
-    path = ROOT / "assets" / "scripts" / f"{script}.toml"
-    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=300)
-    if len(sys.argv) > 2 and (kept := Path(sys.argv[2]) / f"{script}.json").exists():
-        return Replay(read_run(kept.read_bytes()).log, session.tissue.dissection.organ)
-    performed(read_script(path), session)
-    return Replay(session.run_file().log, session.tissue.dissection.organ)
-
-
-def take(still: Still, folder: Path) -> None:
+def take(still: Still, folder: Path, kept: Path | None) -> None:
     """Take one still."""
-    replay, held = run_of(still.script), HeldScope(anatomy_network(anatomy_named("normal")))
+    replay, held = run_of(still.script, kept), HeldScope(anatomy_network(anatomy_named("normal")))
     with filmed(replay, held, SIZE) as picture:
         at = 0.0
         # On the way blood runs and the sheet gives way, as in a run that is watched.
@@ -69,8 +58,9 @@ def take(still: Still, folder: Path) -> None:
 
 
 if __name__ == "__main__":
+    kept = Path(sys.argv[2]) if len(sys.argv) > 2 else None
     only = sys.argv[3:] or [each.name for each in STILLS]
     for each in STILLS:
         if each.name in only:
-            take(each, Path(sys.argv[1]))
+            take(each, Path(sys.argv[1]), kept)
             print(each.name)
