@@ -51,8 +51,8 @@ class _Watch:
 
     __slots__ = (
         "events", "events_start", "extremes", "front_away", "heading", "held_at",
-        "highest", "holds", "instrument", "judged", "leaning", "most", "places", "presses", "pull",
-        "recent_holds", "slips", "turns", "unseen",
+        "highest", "holds", "instrument", "judged", "leaning", "most", "places", "ploughed",
+        "ploughed_mm", "presses", "pull", "recent_holds", "slips", "turns", "unseen",
     )  # fmt: skip
 
     def __init__(self, hand: Hand) -> None:
@@ -65,6 +65,7 @@ class _Watch:
         self.held_at = self.highest = self.most = 0.0
         self.front_away: float | None = None
         self.judged = True
+        self.ploughed, self.ploughed_mm = 0, 0.0  # strands on jaws that did not open, and how far
         self.forget_sweep()
 
     def stand(self, hand: Hand) -> None:
@@ -458,8 +459,13 @@ class ErrorFinder:
         if not watch.events:
             watch.events_start = now[:3]
         watch.events.append((tick, parted))
+        watch.ploughed += parted
+        watch.ploughed_mm += (math.dist(now[:3], before[:3]) + 0.5 * abs(opened)) / SHIFT_TICKS
         total = sum(number for _, number in watch.events)
         far = math.dist(now[:3], watch.events_start)
+        if watch.ploughed > plough["in_all"]:
+            far = watch.ploughed_mm
+            incidents.note("ploughing", i, now[0], far, n=watch.ploughed, d=far)
         if total < plough["strands"]:
             return
         if len(watch.turns) >= stir["turns"]:

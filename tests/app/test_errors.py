@@ -25,6 +25,7 @@ from app.simulation import (
 from app.simulation.attempt import Attempt
 from app.simulation.dissection_measures import DissectionRecorder
 from app.simulation.errors import CLOSED_AFTER, Conditions, Incidents
+from benchmarks.cheat_scripts import CHEATS, Cheat, patient_plough
 from benchmarks.faults import FAULTS, Fault, done, exercises, good
 
 BEDS = ("normal", "loose", "firm", "inflamed")
@@ -42,6 +43,16 @@ def test_a_fault_is_named_at_any_speed_and_fails(each: Fault, bed: str) -> None:
         outcome, incidents = done(exercise, seed, each.make, speed, tremor=0.15)
         assert each.named & {incident.error for incident in incidents}, (speed, outcome)
         assert not outcome.passed, (speed, outcome)
+
+
+@pytest.mark.parametrize("each", CHEATS, ids=lambda each: f"{each.exercise} {each.name}")
+def test_no_cheat_passes(each: Cheat) -> None:
+    exercise = exercises("normal")[each.exercise]
+    for speed in each.speeds:
+        outcome, incidents = done(exercise, 31, each.make, speed)
+        assert not outcome.passed, (speed, incidents)
+        if each.make is patient_plough:
+            assert [incident.error for incident in incidents] == ["ploughing"]
 
 
 @pytest.mark.parametrize("bed", BEDS)

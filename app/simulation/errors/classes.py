@@ -227,7 +227,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "ploughing", "Ploughed with the jaws", 9,
             "on jaws that do not open `strands` strands have parted within `seconds`, and the tip "
-            "has moved on by more than `travel` meanwhile",
+            "has moved on by more than `travel` meanwhile; or more than `in_all` have in the run",
             "from {t:.1f} s on you pushed the jaws through strands without opening them, {d:.0f} "
             "mm far, and {n:.0f} parted",
             "Stop behind the duct and open the jaws: that loads its wall least.",
@@ -235,6 +235,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
                 Parameter("strands", "", 5.0, "a choice: fewer part beside a dissector that waits"),
                 Parameter("travel", "mm", 3.0, "more than a hand that holds still trembles"),
                 Parameter("seconds", "s", 5.0, "a choice"),
+                Parameter("in_all", "", 75.0, "half of the strands about 13 mm, a window's length"),
             ),
         ),
         ErrorClass(
