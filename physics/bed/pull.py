@@ -134,6 +134,7 @@ class TubeHistory:
     strength: float  # nominal stress at which it tears, MPa; infinite where it does not
     torn: tuple[tuple[int, float], ...]  # steps, from 0, after which it tore, and where, mm
     nicked: Floats | None = None  # (T,) how deep it is torn, of its height; None without a wall
+    nick: Floats | None = None  # (T,) depth of its deepest tear part of the way, mm; likewise
 
     def row(self, step: int) -> dict[str, object]:
         """Return what `bluntdissect peel --json` writes of it after a step."""
@@ -145,8 +146,8 @@ class TubeHistory:
                 out["highest_at_mm"] = float(self.highest_at[step])
             if self.strength < np.inf:
                 out["distance_to_break_percent"] = 100.0 * (1.0 - stress / self.strength)
-        if self.nicked is not None and 0.0 < self.nicked[step] < 1.0:
-            out["nicked"] = float(self.nicked[step])
+        if self.nicked is not None and self.nick is not None and self.nicked[step] > 0.0:
+            out |= {"nicked": float(self.nicked[step]), "nick_mm": float(self.nick[step])}
         out["torn_at_mm"] = [at for when, at in self.torn if when <= step]
         return out
 
@@ -247,7 +248,8 @@ class History:
             head += ["time_s", "viscous_mJ"]
         for tube in self.tubes:
             head += [f"{tube.name}_freed_mm", f"{tube.name}_stress_MPa", f"{tube.name}_tears"]
-            head += [f"{tube.name}_nicked"] * (tube.nicked is not None)
+            if tube.nicked is not None:
+                head += [f"{tube.name}_nicked", f"{tube.name}_nick_mm"]
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(head)
@@ -270,7 +272,8 @@ class History:
                 stress = np.nan if tube.stress is None else tube.stress[t]
                 tears = sum(when <= t for when, _ in tube.torn)
                 line += [_cell(tube.freed[t]), _cell(stress), tears]
-                line += [] if tube.nicked is None else [_cell(tube.nicked[t])]
+                if tube.nicked is not None and tube.nick is not None:
+                    line += [_cell(tube.nicked[t]), _cell(tube.nick[t])]
             writer.writerow(line)
         return out.getvalue()
 
@@ -457,7 +460,7 @@ class _TubeRecord:
         self._worst: list[tuple[float, float]] = []
         self._torn: list[tuple[int, float]] = []
         self._elements: list[int] = []
-        self._nicked: list[float] = []
+        self._nicked: list[tuple[float, float]] = []
 
     def add(self, held: BeamOnBed, step: int) -> None:
         """Take down a step, and tear the tube where it is past its strength."""
@@ -472,16 +475,18 @@ class _TubeRecord:
         if past and held.nick(worst, self._tear_mm, self.name) >= DEEPEST:
             self._elements.append(held.tear(worst.station, self.name))
             self._torn.append((step, worst.station))
-        nicks = [each.depth for each in held.nicks_of(self.name)]
-        self._nicked.append(1.0 if self._torn else max(nicks, default=0.0))
+        nicks = held.nicks_of(self.name)
+        depth = 1.0 if self._torn else max((each.depth for each in nicks), default=0.0)
+        deepest = max((each.depth * each.height for each in nicks), default=0.0)
+        self._nicked.append((depth, deepest))
 
     def history(self) -> TubeHistory:
         """Return all that was taken down."""
         stress, at = np.array(self._worst).reshape(-1, 2).T if self._walled else (None, None)
         torn = tuple(self._torn)
-        nicked = np.array(self._nicked) if self._walled else None
+        nicked, nick = np.array(self._nicked).reshape(-1, 2).T if self._walled else (None, None)
         return TubeHistory(
-            self.name, np.array(self._freed), stress, at, self.strength, torn, nicked
+            self.name, np.array(self._freed), stress, at, self.strength, torn, nicked, nick
         )
 
 

@@ -364,6 +364,29 @@ def test_a_network_of_the_docs_is_pulled_and_a_tube_of_it_tears(tmp_path: Path) 
     assert "tube branch" in run("peel", tmp_path / "scene.toml").stdout
 
 
+def test_a_tube_of_a_network_is_nicked_before_it_tears(tmp_path: Path) -> None:
+    table = tmp_path / "history.csv"
+    found = peeled(scene(tmp_path, "tear_mm = 0.2\n" + NETWORK), "-o", table)
+    branch = [row["tubes"]["branch"] for row in found["steps"]]
+    nicks = [row for row in branch if 0.0 < row.get("nicked", 0.0) < 1.0]
+    assert len(nicks) > 1
+    assert not any(row["torn_at_mm"] for row in nicks)
+    for row in nicks:  # the section is 2 mm high
+        assert row["nick_mm"] == pytest.approx(2.0 * row["nicked"], rel=1e-12)
+    steps = np.diff([row["nick_mm"] for row in nicks])
+    assert np.all((np.abs(steps - 0.2) < 1e-12) | (steps == 0.0))
+    assert steps.any()
+    assert branch[-1]["nicked"] == 1.0
+    assert branch[-1]["torn_at_mm"]
+    assert not any("nick_mm" in row["tubes"]["duct"] for row in found["steps"])
+    with table.open() as lines:
+        written = list(csv.DictReader(lines))
+    for name in ("nicked", "nick_mm"):
+        assert [float(line[f"branch_{name}"]) for line in written] == [
+            row.get(name, 0.0) for row in branch
+        ]
+
+
 @pytest.mark.parametrize("time", ["", '[time]\nstep_s = 0.5\nstrands = "areolar"\n'])
 def test_a_network_of_one_tube_is_the_beam_on_its_bed(tmp_path: Path, time: str) -> None:
     """The same numbers, by either tables, also where both relax."""
