@@ -68,7 +68,7 @@ def _types_at(there: Any, path: str) -> list[Any]:
             else:
                 fields = getattr(each, "fields", ())
                 inner += [field.type for field in fields if field.encode_name == step[1:]]
-        found = [part for each in inner for part in _apart(each)]
+        found = [leaf for each in inner for leaf in _apart(each)]
     return found
 
 

@@ -148,7 +148,7 @@ def measure_export(console: Console) -> dict[str, float]:
     return figures
 
 
-PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
+BENCHMARKS: dict[str, Callable[[Console], dict[str, Any]]] = {
     "physics": measure_physics,
     "trainer": measure_trainer,
     "geometry": measure_geometry,
@@ -166,21 +166,21 @@ PARTS: dict[str, Callable[[Console], dict[str, Any]]] = {
 def main() -> None:
     """Measure, print, and write the figures."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
-    names = ", ".join((*PARTS, "cheats", "faults"))
+    names = ", ".join((*BENCHMARKS, "cheats", "faults"))
     parser.add_argument("parts", nargs="*", metavar="PART", help=names)
     parser.add_argument("--seconds", type=float, default=600.0, help="of cheats, each exercise")
     given = parser.parse_args()
-    parts = PARTS | {
+    measured = BENCHMARKS | {
         "cheats": partial(measure_cheats, seconds=given.seconds),
         "faults": measure_faults,
     }
-    unknown = [name for name in given.parts if name not in parts]
+    unknown = [name for name in given.parts if name not in measured]
     if unknown:
-        parser.error(f"there are {', '.join(parts)}, not {', '.join(unknown)}")
+        parser.error(f"there are {', '.join(measured)}, not {', '.join(unknown)}")
     console = Console()
     figures: dict[str, Any] = {"machine": machine()}
-    for name in given.parts or PARTS:
-        figures[name] = parts[name](console)
+    for name in given.parts or BENCHMARKS:
+        figures[name] = measured[name](console)
     FIGURES.parent.mkdir(exist_ok=True)
     FIGURES.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     console.print("\nFigures: build/bench.json", highlight=False)

@@ -45,8 +45,10 @@ def print_cost() -> None:
     ticks, pictures = np.zeros(TICKS), np.zeros(TICKS)
     for tick in range(TICKS):
         at = tick / TICKS_PER_SECOND
-        way = np.array([0.5 * math.sin(at), 1.5 * math.sin(2 * at), 2.0 + 1.5 * math.sin(3 * at)])
-        session.move_hand(0, start + way)
+        displacement = np.array(
+            [0.5 * math.sin(at), 1.5 * math.sin(2 * at), 2.0 + 1.5 * math.sin(3 * at)]
+        )
+        session.move_hand(0, start + displacement)
         jaws = np.array([44.0 + 2.0 * math.sin(at), 9.0, 5.0 + 4.0 * math.sin(1.3 * at)])
         session.move_hand(1, jaws)
         begun = time.process_time()

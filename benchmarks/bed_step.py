@@ -157,12 +157,12 @@ def mujoco(strands: int) -> tuple[Floats, int]:
     each = layer(strands).strands_under(beam)
     model = peer.MjModel.from_xml_string(_model(beam, each))
     data = peer.MjData(model)
-    part = each.length + each.failure_elongation
+    breaking = each.length + each.failure_elongation
 
     def step(number: int) -> None:
         data.mocap_pos[0, 2] = LIFT * number
         peer.mj_step(model, data)
-        model.tendon_stiffness[data.ten_length > part] = 0.0
+        model.tendon_stiffness[data.ten_length > breaking] = 0.0
 
     times = timed(step)
     if not np.isfinite(data.qpos).all():
@@ -179,8 +179,8 @@ def elastica(strands: int) -> tuple[Floats, int]:
     law = np.stack([each.stiffness, each.length, each.yield_elongation, each.failure_elongation])
     most, arm, middle = np.zeros(each.count), each.ends - beam.places[node], ELEMENTS // 2
 
-    parts = (peer.BaseSystemCollection, peer.Constraints, peer.Forcing, peer.Damping)
-    simulator = type("Simulator", parts, {})()
+    classes = (peer.BaseSystemCollection, peer.Constraints, peer.Forcing, peer.Damping)
+    simulator = type("Simulator", classes, {})()
 
     class Pulls(peer.NoForces):
         def apply_forces(self, system: Any, time: float = 0.0) -> None:
@@ -217,8 +217,8 @@ def elastica(strands: int) -> tuple[Floats, int]:
 
     def step(number: int) -> None:
         Held.height = LIFT * number
-        for part in range(count):
-            stepper.step(simulator, number * SECONDS + part * dt, dt)
+        for index in range(count):
+            stepper.step(simulator, number * SECONDS + index * dt, dt)
 
     times = timed(step)
     if not np.isfinite(rod.position_collection).all():

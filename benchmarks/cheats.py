@@ -61,11 +61,11 @@ def features(observed: Observation, wanted: Floats, centre: Floats) -> Floats:
     """Return (F,) what hands would do, each hand about a centre, what is done, and time."""
     # Both end with progress and the time left.
     goal = observed["goal" if "goal" in observed else "view"].astype(np.float64)
-    parts = [np.clip(wanted, -1.0, 1.0), goal[-2:-1], 1.0 - goal[-1:] / TIME_LIMIT_S, np.ones(1)]
+    inputs = [np.clip(wanted, -1.0, 1.0), goal[-2:-1], 1.0 - goal[-1:] / TIME_LIMIT_S, np.ones(1)]
     for hand in observed["hands"].astype(np.float64):
         force = np.sqrt((hand[3:6] ** 2).sum())
-        parts += [(hand[:3] - centre) / (10.0, 10.0, 5.0), [force, hand[6], hand[7] / 20.0]]
-    return np.concatenate(parts)
+        inputs += [(hand[:3] - centre) / (10.0, 10.0, 5.0), [force, hand[6], hand[7] / 20.0]]
+    return np.concatenate(inputs)
 
 
 def search(exercise: str, seconds: float) -> dict[str, Any]:

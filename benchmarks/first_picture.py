@@ -77,8 +77,8 @@ def main() -> None:
         figures["installed_mb"] = 1e-6 * sum(
             file.stat().st_size for file in environment.rglob("*") if file.is_file()
         )
-    parts = ("pip_install_s", "first_address_s", "first_page_s")
-    figures["pip_install_to_picture_s"] = sum(figures[part] for part in parts)
+    stages = ("pip_install_s", "first_address_s", "first_page_s")
+    figures["pip_install_to_picture_s"] = sum(figures[stage] for stage in stages)
     print(json.dumps(figures, indent=2))
 
 

@@ -60,8 +60,8 @@ def hand(where: Where) -> str:
     """Return the TOML of a hand that lifts the duct, in its bed at one place after the other."""
     text, time_s = HAND, 0.0
     for aside in ASIDE:
-        for part, up, button in LIFTS[where]:
-            text += (f"[[path]]\ntime_s = {time_s + part * CYCLE}\n"
+        for phase, up, button in LIFTS[where]:
+            text += (f"[[path]]\ntime_s = {time_s + phase * CYCLE}\n"
                      f"offset_mm = [{aside}, 0, {up}]\nbuttons = {button}\n")  # fmt: skip
         time_s += CYCLE
     return text
@@ -77,7 +77,7 @@ class Led:
         self._generation, self._start = 0, time.monotonic()
         self._rest = np.zeros(3)
 
-    def feel(self, setting: HapticSetting | None) -> int:
+    def render(self, setting: HapticSetting | None) -> int:
         """Begin at the duct's hook."""
         if isinstance(setting, BedSetting):
             places = setting.beam.rest_places
@@ -91,12 +91,12 @@ class Led:
     def snapshot(self) -> Snapshot:
         """Return where the hook is now."""
         turn = (time.monotonic() - self._start) / CYCLE
-        part, aside = turn % 1.0, ASIDE[int(turn) % len(ASIDE)]
+        phase, aside = turn % 1.0, ASIDE[int(turn) % len(ASIDE)]
         bedded = bool(self._rest.any())
         high = LIFTED if bedded else LIFT
-        up = high * math.sin(math.pi * min(max((part - 0.15) / 0.7, 0.0), 1.0)) ** 2
+        up = high * math.sin(math.pi * min(max((phase - 0.15) / 0.7, 0.0), 1.0)) ** 2
         tip = self._rest + np.array([aside if bedded else 0.0, 0.0, up])
-        held = bedded and 0.1 < part < 0.9
+        held = bedded and 0.1 < phase < 0.9
         hook = HookSnapshot(tip, np.zeros(3), float(tip[2]), float(tip[0]) if held else None)
         return Snapshot(self._generation, False, (hook,))
 
@@ -189,7 +189,7 @@ def beside_page(
         "step, 99.9 %, us": report.step_us.p99_9,
         "with work ahead, median, us": report.whole_step_us.median,
         "with work ahead, 99.9 %, us": report.whole_step_us.p99_9,
-        "over 1.5 ms, %": 100.0 * report.missed_part,
+        "over 1.5 ms, %": 100.0 * report.missed_fraction,
         "period, 99.9 %, us": report.period_us.p99_9,
         "state to force, 99 %, us": report.state_to_force_us.p99,
         "energy balance closes to": report.energy_mJ.residual_of_peak,
@@ -221,10 +221,10 @@ def figures_beside_page(seconds: float) -> Iterator[tuple[str, dict[str, Any]]]:
 def main() -> None:
     """Measure, and print the figures with those that are to be reached."""
     console, seconds = Console(), 60.0 * float(sys.argv[1])
-    for part, figures in figures_beside_page(seconds):
-        console.print(f"\n{part}, {seconds:g} s", highlight=False)
+    for setup, figures in figures_beside_page(seconds):
+        console.print(f"\n{setup}, {seconds:g} s", highlight=False)
         for name, value in figures.items():
-            limit = LIMITS.get(name) if "servo" in part else None
+            limit = LIMITS.get(name) if "servo" in setup else None
             words = f"{value:.4g}" if isinstance(value, float) else str(value)
             wanted = "" if limit is None else f"   (wanted: {limit:g} or less)"
             console.print(f"  {name:<36} {words}{wanted}", highlight=False)

@@ -116,7 +116,7 @@ def haptic_figures(seconds: float = SECONDS) -> dict[str, dict[str, float]]:
                 figures[name] = {
                     "period_p99_us": made["period_us"]["p99"],
                     "period_p99_9_us": made["period_us"]["p99_9"],
-                    "missed_percent": 100.0 * made["missed_part"],
+                    "missed_percent": 100.0 * made["missed_fraction"],
                     "step_median_us": made["step_us"]["median"],
                     "step_p99_9_us": made["step_us"]["p99_9"],
                     "state_to_force_p99_us": made["state_to_force_us"]["p99"],

@@ -23,7 +23,7 @@ LIFT = 8e-3
 """mm a step: 8 mm/s."""
 
 
-def part_of(anatomy: Anatomy, tubes: int, strands: float = 1.0) -> Anatomy:
+def subset_of(anatomy: Anatomy, tubes: int, strands: float = 1.0) -> Anatomy:
     """Return an anatomy of its first tubes, with so many times the strands."""
     names = {tube.name for tube in anatomy.tube[:tubes]}
     return msgspec.structs.replace(
@@ -76,7 +76,7 @@ def measure_network(console: Console) -> dict[str, Any]:
     console.print(f"\nTubes of `{ANATOMY}`, lifted: processor time of a step of 1/1000 s, us")
     for tubes, strands, rods in cases:
         begun = time.thread_time()
-        network = anatomy_network(part_of(anatomy, tubes, strands))
+        network = anatomy_network(subset_of(anatomy, tubes, strands))
         live = network.on_bed(rods=2)
         built = time.thread_time() - begun
         found = pulled(live, rods)

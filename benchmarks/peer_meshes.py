@@ -94,4 +94,4 @@ def tube_faces(rings: int, corners: int) -> NDArray[np.int64]:
     here, after = grid[:-1], np.roll(grid[:-1], -1, axis=1)
     above, beside = grid[1:], np.roll(grid[1:], -1, axis=1)
     pair = [np.stack([here, after, above], axis=-1), np.stack([after, beside, above], axis=-1)]
-    return np.concatenate([part.reshape(-1, 3) for part in pair])
+    return np.concatenate([mesh.reshape(-1, 3) for mesh in pair])

@@ -125,10 +125,10 @@ def pulled_in_real_time(seed: int) -> float:
     live.set_rod(0, tips[0], (float(random.uniform(-0.4, 0.4)), 1.0, 0.0), 1.2)
     tear, let_go = int(random.integers(5 * TICKS)), int(random.integers(3 * TICKS))
     for step in range(1, TICKS + 1):
-        part = step / TICKS
+        piece = step / TICKS
         for node, displacement in hooks.items():
-            live.lead(node, starts[node] + part * np.array(displacement))
-        a, b, along = (*tips[:2], 2.0 * part) if part < 0.5 else (*tips[1:], 2.0 * part - 1.0)
+            live.lead(node, starts[node] + piece * np.array(displacement))
+        a, b, along = (*tips[:2], 2.0 * piece) if piece < 0.5 else (*tips[1:], 2.0 * piece - 1.0)
         live.lead_rod(0, a + along * (b - a))
         if step == tear:
             live.tear(float(random.uniform(0.0, beam.span)))

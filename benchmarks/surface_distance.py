@@ -11,7 +11,7 @@ __all__ = ["TriangleSurface", "spread_points", "triangle_distances"]
 Points = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
-PARTS = 20_000
+PIECES = 20_000
 NEIGHBOURS = 12
 
 # Fractional parts of the plastic number's powers: the R2 sequence (Roberts 2018).
@@ -25,13 +25,13 @@ class TriangleSurface:
     triangles of its nearest few, and more of them are taken until no other can be nearer.
     """
 
-    def __init__(self, vertices: Points, faces: Faces, parts: int = PARTS) -> None:
+    def __init__(self, vertices: Points, faces: Faces, pieces: int = PIECES) -> None:
         # (V, 3) vertices and (F, 3) triangles, cut into about so many small ones: the nearest of
         # their middles says which few triangles to measure to.
         vertices = np.asarray(vertices, dtype=np.float64)
         self._corners = vertices[faces]
         areas = np.linalg.norm(_normals(self._corners), axis=1) / 2.0
-        edge = float(np.sqrt(4.0 * areas.sum() / parts))
+        edge = float(np.sqrt(4.0 * areas.sum() / pieces))
         small, triangles, *owners = subdivide_to_size(
             vertices, faces, edge, max_iter=30, return_index=True
         )

@@ -16,7 +16,7 @@ for name, theory in theories.items():
     event = break_of(pull, threshold=0.2)
     assert event is not None  # no force would break it
     print(f"{name:20} breaks at {event.force:.2f} N, pulled by {event.deflection:.2f} mm")
-    forces = [event.force * part / 40 for part in range(41)]
+    forces = [event.force * step / 40 for step in range(41)]
     axes.plot([pull.to_force(force).deflection for force in forces], forces, label=name)
     axes.plot(event.deflection, event.force, "kx")
 axes.set(xlabel="deflection at the middle, mm", ylabel="force, N", title="To the break, 0.2 MPa")

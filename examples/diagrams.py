@@ -220,7 +220,7 @@ def frames(path: Path) -> None:
 def organ_file(path: Path) -> None:
     """Draw what an organ file holds, in its order."""
     drawing = Drawing(960, 236, "An organ file: frame, axis, key sections")
-    parts = (
+    layers = (
         (100, "0x89 0xE3", "magic, version"),
         (100, "CRC-16", "over the rest"),
         (160, "settings", "lumen, tolerance, steps"),
@@ -229,7 +229,7 @@ def organ_file(path: Path) -> None:
         (212, "16 shape numbers each", "outer boundary, then lumen"),
     )
     x = 14.0
-    for i, (width, title, words) in enumerate(parts):
+    for i, (width, title, words) in enumerate(layers):
         drawing.box(x, 34, width, 62, FILL if i > 1 else "#f6e7cf")
         drawing.text(x + width / 2, 60, title, bold=True)
         drawing.text(x + width / 2, 80, words, size=12)

@@ -42,11 +42,11 @@ class DrivingPoints:
         # Points nearer than this are one: their blend would be a division by next to nothing.
         apart = np.concatenate([[True], np.diff(wanted) > 1e-6 * organ.length])
         knots = wanted[apart]
-        parts: list[NDArray[np.float64]] = [
+        pieces: list[NDArray[np.float64]] = [
             np.linspace(start, end, max(1, int(np.ceil((end - start) / spacing))), endpoint=False)
             for start, end in itertools.pairwise(knots)
         ]
-        stations = np.concatenate([*parts, knots[-1:]])
+        stations = np.concatenate([*pieces, knots[-1:]])
         return cls(stations, organ.axis_at(stations))
 
     def binding(

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from organ_geometry.contours.edges import BORDER_PROBLEM
-from organ_geometry.contours.found_section import OTHER_PART
+from organ_geometry.contours.found_section import OTHER_COMPONENT
 from organ_geometry.contours.traced_organ import slice_ranges
 from organ_geometry.curves.fitted_organ import FittedOrgan
 from organ_geometry.organ import Organ
@@ -111,11 +111,11 @@ def organ_warnings(
             f"a lumen was found in {lumens} of {found} sections and is therefore ignored: "
             f"the organ is taken as solid"
         )
-    beside = sum(section.other_part for section in fitted.sections)
+    beside = sum(section.other_component for section in fitted.sections)
     if beside:
         yield OrganWarning(
-            f"{beside} of {found} sections show another part of at least {OTHER_PART:.0%} of the "
-            f"organ's area beside it, which was left out",
+            f"{beside} of {found} sections show another part of at least {OTHER_COMPONENT:.0%} of "
+            f"the organ's area beside it, which was left out",
             beside > DOUBTFUL_BESIDE * found,
         )
     if organ.tolerance_mm > wanted_mm:

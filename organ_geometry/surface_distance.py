@@ -39,13 +39,13 @@ class LocatedPoints:
         return cls(*_located(np.ascontiguousarray(points), near, np.array(axis), np.array(frames)))
 
     @classmethod
-    def joined(cls, parts: "Sequence[LocatedPoints]") -> "LocatedPoints":
+    def joined(cls, groups: "Sequence[LocatedPoints]") -> "LocatedPoints":
         """Return the points of all parts."""
         return cls(
-            np.concatenate([part.piece for part in parts]),
-            np.concatenate([part.fraction for part in parts]),
-            np.concatenate([part.place for part in parts]),
-            np.concatenate([part.beyond for part in parts]),
+            np.concatenate([group.piece for group in groups]),
+            np.concatenate([group.fraction for group in groups]),
+            np.concatenate([group.place for group in groups]),
+            np.concatenate([group.beyond for group in groups]),
         )
 
     def distances(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -82,15 +82,15 @@ def section_distances(
     places: NDArray[np.float64],
 ) -> list[NDArray[np.float64]]:
     """Return how far every section's edge points are from an organ."""
-    parts: list[list[NDArray[np.float64]]] = [[] for _ in contours]
+    groups: list[list[NDArray[np.float64]]] = [[] for _ in contours]
     for wall in ("outer", "lumen") if organ.hollow else ("outer",):
         edges = [getattr(contour, wall) for contour in contours]
         counts = [len(edge) for edge in edges]
         near = np.repeat(places * organ.length, counts)
         away = wall_distances(organ, np.concatenate(edges), near, wall)
-        for part, distances in zip(parts, np.split(away, np.cumsum(counts)[:-1]), strict=True):
-            part.append(distances)
-    return [np.concatenate(part) for part in parts]
+        for group, distances in zip(groups, np.split(away, np.cumsum(counts)[:-1]), strict=True):
+            group.append(distances)
+    return [np.concatenate(group) for group in groups]
 
 
 def root_mean_squares(distances: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

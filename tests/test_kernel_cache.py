@@ -58,13 +58,13 @@ def test_machine_code_follows_the_files_that_its_kernel_calls(tmp_path: Path) ->
         [sys.executable, "-I", main, tmp_path],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
-        given, said = process.stdin, process.stdout
+        given, message = process.stdin, process.stdout
         assert given is not None
-        assert said is not None
+        assert message is not None
 
         def run() -> str:
             print(file=given, flush=True)
-            return said.readline().strip()
+            return message.readline().strip()
 
         (package / "constants.py").write_text("FACTOR = 2.0\n")
         assert run() == "6.0 0"

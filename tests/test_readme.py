@@ -47,18 +47,18 @@ def test_program_s_examples_run_in_order(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "assets").symlink_to(ROOT / "assets")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-    said = ""
+    message = ""
     for words in commands(README, "bluntdissect"):
         if words[:2] == ["class", "new"]:
             serves_a_class(words)
             continue
         done = run(*words)
         assert done.returncode == 0, (words, done.stderr)
-        said += done.stdout
+        message += done.stdout
     assert {"duct.organ", "duct.stl", "torn.glb"} < {entry.name for entry in tmp_path.iterdir()}
     assert (tmp_path / "duct.organ").read_bytes() == BILE_DUCT.read_bytes()
     for line in "".join(blocks(README, "text")).splitlines():
-        assert line in said
+        assert line in message
 
 
 def test_python_example_gives_its_figures() -> None:
@@ -107,8 +107,8 @@ def test_the_paper_has_its_parts_and_cites_what_its_bibliography_has() -> None:
     assert set(re.findall(r"@(\w+)", paper.partition("# Summary")[2])) == set(
         re.findall(r"^@\w+\{(\w+),", known, flags=re.MULTILINE)
     )
-    for part in ("Summary", "Statement of need", "State of the field", "Limits", "References"):
-        assert f"\n# {part}\n" in paper
+    for heading in ("Summary", "Statement of need", "State of the field", "Limits", "References"):
+        assert f"\n# {heading}\n" in paper
     assert 250 < len(paper.split()) < 1000  # as JOSS asks
 
 

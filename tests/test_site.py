@@ -174,11 +174,11 @@ def test_python_and_exercises_of_the_tutorials_are_right(name: str) -> None:
 
 def test_what_the_tutorials_of_a_change_name_is_in_the_code() -> None:
     text = TEXTS[PAGES.index("tutorials/extend")]
-    for part in re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL).split("\n## "):
-        said = re.findall(r"`([^`]+)`", part)
-        files = [each for each in said if re.fullmatch(r"(\w+/)+\w+\.py", each)]
+    for section in re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL).split("\n## "):
+        message = re.findall(r"`([^`]+)`", section)
+        files = [each for each in message if re.fullmatch(r"(\w+/)+\w+\.py", each)]
         code = "\n".join((ROOT / each).read_text() for each in files)
-        for name in said if files else []:
+        for name in message if files else []:
             if re.fullmatch(r"[A-Z]\w+|[a-z]+(_[a-z]+)+", name):
                 assert re.search(rf"\b{name}\b", code), (name, files)
 

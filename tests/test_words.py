@@ -39,8 +39,8 @@ def prose(path: Path) -> Iterator[str]:
     if path.parent.name == "command_line":  # a command's help is its docstring
         functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
         for each in functions:
-            told = (ast.get_docstring(each) or "").partition("Example")[0]  # then commands
-            paragraphs = told.split("\n\n")
+            reported = (ast.get_docstring(each) or "").partition("Example")[0]  # then commands
+            paragraphs = reported.split("\n\n")
             shown += [(each.lineno, " ".join(one.split())) for one in paragraphs]
     for line, text in shown:
         if re.search(r"[a-z]{2,} [a-z]{2,}", text) and not re.search(
@@ -170,11 +170,11 @@ def test_few_sentences_of_the_docs_are_very_long() -> None:
         text = re.sub(
             r"^```.*?^```|^\$\$.*?\$\$$", "", path.read_text(), flags=re.MULTILINE | re.DOTALL
         )
-        for part in re.split(r"\n\s*\n|\n(?=\s*[-*] |\s*\d+\. |#|\|)", text):
-            if not part.lstrip().startswith(("|", "#", "!", "<", ":::", "    ")):
-                line = " ".join(re.sub(r"!\[.*?\]\(.*?\)", "", part, flags=re.DOTALL).split())
-                parts = re.split(r"(?<=[.!?:])\s+(?=[A-Z*`(\"'0-9])", line)
-                found += [f"{path.name}: {each}" for each in parts if len(each.split()) > 40]
+        for piece in re.split(r"\n\s*\n|\n(?=\s*[-*] |\s*\d+\. |#|\|)", text):
+            if not piece.lstrip().startswith(("|", "#", "!", "<", ":::", "    ")):
+                line = " ".join(re.sub(r"!\[.*?\]\(.*?\)", "", piece, flags=re.DOTALL).split())
+                pieces = re.split(r"(?<=[.!?:])\s+(?=[A-Z*`(\"'0-9])", line)
+                found += [f"{path.name}: {each}" for each in pieces if len(each.split()) > 40]
     assert len(found) <= 10, "\n".join(found)
 
 

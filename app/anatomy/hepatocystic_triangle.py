@@ -232,7 +232,7 @@ def _cystic_course(case: Case, start: Floats, common_r: float, cystic_r: float) 
 def _cystic_points(
     case: Case, start: Floats, common_r: float, cystic_r: float, length: float
 ) -> Floats:
-    parts = 200
+    count = 200
     insertion = case.kinds["insertion"]
     angle = "parallel_angle_deg" if insertion == "parallel" else "insertion_angle_deg"
     first = math.radians(case.sizes[angle])
@@ -244,9 +244,9 @@ def _cystic_points(
     most = spare * math.sin(steep) / away
     azimuth = math.copysign(min(abs(round_it), most), round_it)
     x = off = 0.0
-    step = length / parts
+    step = length / count
     course = [start]
-    for part in range(parts):
+    for piece in range(count):
         if off >= away and azimuth != 0.0:
             side = step * math.sin(steep)
             x += step * math.cos(steep)
@@ -254,12 +254,12 @@ def _cystic_points(
             turned = min(abs(azimuth), side / off)
             azimuth -= math.copysign(turned, azimuth)
         else:
-            angle_here = first + math.radians(25.0) * part / parts
+            angle_here = first + math.radians(25.0) * piece / count
             x += step * math.cos(angle_here)
             off += step * math.sin(angle_here)
         across = np.array([0.0, math.cos(azimuth), math.sin(azimuth)])
         course.append(start + off * across + [x, 0.0, 0.0])
-    return np.array(course)[np.linspace(0, parts, 9).round().astype(int)]
+    return np.array(course)[np.linspace(0, count, 9).round().astype(int)]
 
 
 def _hepatic_course(

@@ -170,7 +170,7 @@ def _curve(title: str, values: Sequence[float], own: Sequence[Try]) -> str:
     if fitted is None:
         words += "; no curve fits better than a constant" if count >= LEAST_TRIES else ""
     else:
-        places = [1.0 + (count - 1.0) * part / 30.0 for part in range(31)]
+        places = [1.0 + (count - 1.0) * fraction / 30.0 for fraction in range(31)]
         points = " ".join(f"{x(place):.1f},{y(fitted.at(place)):.1f}" for place in places)
         line = f"<polyline points='{points}' fill='none' stroke='currentColor' opacity='.6'/>"
         words += f"; it leads to {fitted.level:.2g}, the plateau is by try {fitted.plateau:.0f}"

@@ -28,30 +28,32 @@ def results_html(store: ClassStore) -> str:
     found = results(store)
     if not found:
         return "<p class='empty'>No results yet.</p>"
-    parts: list[str] = []
+    sections: list[str] = []
     for each in reversed(store.assignments()):
         tries = [one for one in found if one.run.assignment_id == each.id]
         if tries:
-            parts.append(_assignment_html(each, tries))
+            sections.append(_assignment_html(each, tries))
     if pictures := _photographs(store, found):
-        parts.append(f"<details><summary>Photographs for the record</summary>{pictures}</details>")
+        sections.append(
+            f"<details><summary>Photographs for the record</summary>{pictures}</details>"
+        )
     if levels := [one for one in found if one.run.level is not None]:
-        parts.append(
+        sections.append(
             f"<details><summary>Tries at levels of the course ({len(levels)})</summary>"
             f"{_whys(levels)}{_table(levels, who=True, what=True)}</details>"
         )
     if free := [one for one in found if one.run.assignment_id is None and one.run.level is None]:
-        parts.append(
+        sections.append(
             f"<details><summary>Runs outside the class's exercises ({len(free)})</summary>"
             f"{_table(free, who=True, what=True)}</details>"
         )
-    return "".join(parts)
+    return "".join(sections)
 
 
 def _photographs(store: ClassStore, found: Sequence[Result]) -> str:
     """Return the photographs of runs, each with the points that are computed and those given."""
     taken, given, names = store.photographed(), store.ratings(), shown_names(store.people())
-    parts: list[str] = []
+    sections: list[str] = []
     for each in reversed(found):
         run = each.run
         if run.id not in taken:
@@ -67,13 +69,13 @@ def _photographs(store: ClassStore, found: Sequence[Result]) -> str:
             for points in range(MOST_POINTS + 1)
         )
         computed = each.measures.get("critical_view_points")
-        parts.append(
+        sections.append(
             f"<figure>{pictures}<figcaption>{html.escape(names.get(run.person_id, ''))}, "
             f"{html.escape(run.title)}, {_when(run.started_at)}: computed {computed} of "
             f"{MOST_POINTS}; <label>yours <select class='rating' data-run='{key}'>"
             f"<option value=''>none</option>{options}</select></label></figcaption></figure>"
         )
-    return "".join(parts)
+    return "".join(sections)
 
 
 def report_page(store: ClassStore, person_id: str | None = None) -> str:
@@ -138,7 +140,7 @@ def _whys(tries: Sequence[Result]) -> str:
 
 
 def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
-    parts = [
+    sections = [
         f"<article><header><h1>{html.escape(name)}</h1><p>{html.escape(store.title)} · "
         f"{_when(now())}</p></header>"
     ]
@@ -148,7 +150,7 @@ def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
             asked = AssignedExercise.of_json(each.exercise)
             top = best(tries)
             words = "No try was finished." if top is None else html.escape(top.run.reason)
-            parts.append(
+            sections.append(
                 f"<section><h3>{html.escape(asked.title)}</h3>"
                 f"<p>{html.escape(asked.exercise.task)} {html.escape(asked.exercise.caution)}</p>"
                 f"<p><b>Best try:</b> {words}</p>{_plot(tries, by_try=True)}"
@@ -156,14 +158,14 @@ def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
             )
     if free := [one for one in own if one.run.assignment_id is None]:
         longest = sum(one.seconds for one in free)
-        parts.append(
+        sections.append(
             f"<section><h3>Other runs</h3><p>{len(free)}, {longest / 60.0:.1f} minutes in all.</p>"
             f"{_table(free[-10:], who=False, what=True)}</section>"
         )
-    if len(parts) == 1:
-        parts.append("<p>No results yet.</p>")
-    parts.append(f"<footer>{DISCLAIMER}</footer></article>")
-    return "".join(parts)
+    if len(sections) == 1:
+        sections.append("<p>No results yet.</p>")
+    sections.append(f"<footer>{DISCLAIMER}</footer></article>")
+    return "".join(sections)
 
 
 def _table(found: Sequence[Result], *, who: bool, what: bool) -> str:
@@ -210,7 +212,7 @@ def _plot(tries: Sequence[Result], *, by_try: bool = False) -> str:
     def x(fraction: float) -> float:
         return LABEL + min(max(fraction, 0.0), 1.0) * (WIDTH - LABEL - RIGHT)
 
-    parts = [
+    sections = [
         f"<text x='{LABEL - 10}' y='{ROW * place + 16}' text-anchor='end'>"
         f"{html.escape(label[:24])}</text>"
         f"<path d='M{LABEL} {ROW * place + 12}H{WIDTH - RIGHT}' class='rule'/>"
@@ -218,22 +220,22 @@ def _plot(tries: Sequence[Result], *, by_try: bool = False) -> str:
     ]
     limit = done[-1].limit
     if limit is not None:
-        parts.append(
+        sections.append(
             f"<path d='M{x(limit)} 0V{bottom}' class='limit'/>"
             f"<text x='{x(limit)}' y='{bottom + 28}' text-anchor='middle' class='limit-label'>"
             f"limit {100.0 * limit:.0f}</text>"
         )
-    parts += [
+    sections += [
         _mark(x(each.peak), ROW * rows[label] + 12.0, each.run.passed is True, own=True)
         for label, each in zip(labels, done, strict=True)
     ]
-    parts += [
+    sections += [
         f"<text x='{x(t / 100)}' y='{bottom + 14}' text-anchor='middle'>{t}</text>"
         for t in range(0, 101, 20)
     ]
     return (
         f"<figure><svg viewBox='0 0 {WIDTH:g} {bottom + 32:g}' width='{WIDTH:g}' role='img' "
-        f"aria-label='{PEAK}'>{''.join(parts)}</svg><figcaption>{PEAK}: "
+        f"aria-label='{PEAK}'>{''.join(sections)}</svg><figcaption>{PEAK}: "
         "<span class='passed'>●</span> passed, <span class='failed'>✕</span> failed.</figcaption>"
         "</figure>"
     )

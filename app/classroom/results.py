@@ -219,7 +219,7 @@ def flat_measures(measures: Mapping[str, Any]) -> dict[str, object]:
             flat |= zip((f"{key}_left", f"{key}_right"), cast(list[object], value), strict=True)
         elif isinstance(value, dict):
             tear = cast(dict[str, object], value)
-            flat |= {f"{key}_{part}": inner for part, inner in tear.items()}
+            flat |= {f"{key}_{field}": inner for field, inner in tear.items()}
         elif key != "tear":
             flat[key] = value
     return flat

@@ -62,17 +62,17 @@ class LearningRecordStore(msgspec.Struct, frozen=True, forbid_unknown_fields=Tru
 def checked_url(url: str) -> str:
     """Return the address of a store without a slash at its end; https only, but on this machine."""
     try:
-        parts = urllib.parse.urlsplit(url)
-        host = parts.hostname or ""
-        _ = parts.port
+        split = urllib.parse.urlsplit(url)
+        host = split.hostname or ""
+        _ = split.port
     except ValueError:
         raise ValueError(f"{url!r} is no address of a learning record store") from None
     here = host in ("localhost", "127.0.0.1", "::1")
-    if len(url) > LONGEST_URL or not host or parts.username or parts.query or parts.fragment:
+    if len(url) > LONGEST_URL or not host or split.username or split.query or split.fragment:
         raise ValueError(
             f"{url[:LONGEST_URL]!r} is no address such as https://lrs.example.org/xapi"
         )
-    if parts.scheme != "https" and not (parts.scheme == "http" and here):
+    if split.scheme != "https" and not (split.scheme == "http" and here):
         raise ValueError(f"{url!r} must begin with https:// for what is sent to be encrypted")
     return url.rstrip("/")
 

@@ -173,14 +173,14 @@ def _kind(
 ) -> "RoundBeam | OrganBeam":
     """Return the duct of a curve: by its file, the options, the preset."""
     from app.simulation import OrganBeam, RoundBeam
-    from app.study.ducts import part_of_organ
+    from app.study.ducts import sized_beam
 
     sizes = {name: curve.facts.get(name, value) for name, value in given.items()}
     kind = base.beam
     wall = kind.wall_mm if sizes["wall_mm"] is None else sizes["wall_mm"]
     if isinstance(kind, OrganBeam):
         assert organ is not None  # noqa: S101 (the command has looked)
-        return part_of_organ(organ, kind, wall, sizes["span_mm"])
+        return sized_beam(organ, kind, wall, sizes["span_mm"])
     span, diameter = sizes["span_mm"], sizes["diameter_mm"]
     return RoundBeam(
         span_mm=kind.span_mm if span is None else span,

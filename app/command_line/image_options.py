@@ -62,7 +62,7 @@ def region(text: str | None) -> "Region | None":
     if text is None:
         return None
     try:
-        numbers = [int(part) for part in text.split(",")]
+        numbers = [int(field) for field in text.split(",")]
     except ValueError:
         numbers = []
     if len(numbers) == 4:
@@ -78,6 +78,6 @@ def region(text: str | None) -> "Region | None":
 def _numbers(text: str) -> list[float]:
     """Return the numbers between the commas, none if one of them is no number."""
     try:
-        return [float(part) for part in text.split(",")]
+        return [float(field) for field in text.split(",")]
     except ValueError:
         return []

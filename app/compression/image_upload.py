@@ -240,10 +240,17 @@ def _contents(
 def _check_entry(entry: zipfile.ZipInfo) -> None:
     # As it stands in the zip: `filename` ends at a NUL and has the system's separators.
     name = entry.orig_filename
-    parts = PurePosixPath(name.replace("\\", "/")).parts
-    if not parts or ".." in parts or parts[0] == "/" or "\\" in name or ":" in name or "\0" in name:
+    components = PurePosixPath(name.replace("\\", "/")).parts
+    if (
+        not components
+        or ".." in components
+        or components[0] == "/"
+        or "\\" in name
+        or ":" in name
+        or "\0" in name
+    ):
         raise UploadRefusedError(f"the zip has a file name that leads out of it: {_shown(name)}")
-    longest = max(parts, key=lambda part: len(part.encode()))
+    longest = max(components, key=lambda component: len(component.encode()))
     if len(longest.encode()) > LONGEST_NAME:
         raise UploadRefusedError(
             f"the zip has a name of {len(longest.encode())} bytes and files take {LONGEST_NAME}: "
@@ -256,8 +263,8 @@ def _check_entry(entry: zipfile.ZipInfo) -> None:
 
 
 def _is_hidden(entry: zipfile.ZipInfo) -> bool:
-    parts = PurePosixPath(entry.filename).parts
-    return any(part.startswith(".") or part == "__MACOSX" for part in parts)
+    components = PurePosixPath(entry.filename).parts
+    return any(component.startswith(".") or component == "__MACOSX" for component in components)
 
 
 def _is_dicom_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> bool:

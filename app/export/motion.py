@@ -65,8 +65,8 @@ class Motion:
     second: NDArray[np.float64] | None = None  # as `transforms`, of the second piece where it parts
 
     def __post_init__(self) -> None:
-        for part in (self.whole, ~self.whole):
-            if not (np.diff(self.times[part]) > 0.0).all():
+        for chosen in (self.whole, ~self.whole):
+            if not (np.diff(self.times[chosen]) > 0.0).all():
                 raise ValueError(f"times of motion {self.name!r} must grow from key to key")
         if not (np.diff(self.times) >= 0.0).all():
             raise ValueError(f"times of motion {self.name!r} must not fall")

@@ -139,5 +139,5 @@ def run_snapshots(
         )
         for run in runs
     ]
-    for key, *parts in zip(keys, *of_tubes, strict=True):
-        yield float(times[key]), Snapshot.joined(parts)
+    for key, *moments in zip(keys, *of_tubes, strict=True):
+        yield float(times[key]), Snapshot.joined(moments)

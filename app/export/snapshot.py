@@ -34,17 +34,17 @@ class Snapshot:
     nicked: tuple[NDArray[np.float32], ...] = ()
 
     @classmethod
-    def joined(cls, parts: "Sequence[Snapshot]") -> "Snapshot":
+    def joined(cls, snapshots: "Sequence[Snapshot]") -> "Snapshot":
         """Return the snapshots of several tubes in beds, at one moment, as one."""
         # Second pieces come last, so that a surface keeps its number when another tube tears.
         of = [
             list(zip(each.surfaces, each.stresses, each.freed, each.nicked, strict=True))
-            for each in parts
+            for each in snapshots
         ]
         shown = [first for first, *_ in of] + [second for _, *seconds in of for second in seconds]
         surfaces, stresses, freed, nicked = zip(*shown, strict=True)
-        strands = StrandsSnapshot.joined([each.strands for each in parts if each.strands])
-        first = parts[0]
+        strands = StrandsSnapshot.joined([each.strands for each in snapshots if each.strands])
+        first = snapshots[0]
         return cls(surfaces, stresses, first.force, first.deflection, freed, strands, nicked)
 
 

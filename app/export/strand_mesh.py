@@ -56,7 +56,7 @@ def strand_mesh(bed: BedTrack) -> StrandMesh:
     vertices = [foot + tube, end + tube, foot + nothing, foot_tip, end + nothing, end_tip]
     normals = [outward, outward, outward, direction[:, None], outward, -direction[:, None]]
     parting = [-tube, -tube, tube, nothing[:, :1], tube, nothing[:, :1]]
-    size = sum(part.shape[1] for part in vertices)
+    size = sum(piece.shape[1] for piece in vertices)
     on_bed = np.repeat([True, False, True, True, False, False], [SIDES, SIDES, SIDES, 1, SIDES, 1])
     ring = np.arange(SIDES)
     after = np.roll(ring, -1)

@@ -32,10 +32,13 @@ class StrandsSnapshot:
     force: Floats  # (S,) N
 
     @classmethod
-    def joined(cls, parts: "Sequence[StrandsSnapshot]") -> "StrandsSnapshot":
+    def joined(cls, snapshots: "Sequence[StrandsSnapshot]") -> "StrandsSnapshot":
         """Return the strands of several tubes as one."""
         return cls(
-            *(np.concatenate([getattr(each, name.name) for each in parts]) for name in fields(cls))
+            *(
+                np.concatenate([getattr(each, name.name) for each in snapshots])
+                for name in fields(cls)
+            )
         )
 
     @property

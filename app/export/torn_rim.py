@@ -49,8 +49,8 @@ def rim_shapes(
     coefficients, components = _principal(wanted, tolerance)
     shapes = np.zeros((len(components), len(piece.height), 3), np.float32)
     shapes[:, near] = components.reshape(len(components), near.size, 3)
-    parts = np.split(coefficients.astype(np.float32), np.cumsum(counts)[:-1])
-    return RimShapes(shapes, parts)
+    pieces = np.split(coefficients.astype(np.float32), np.cumsum(counts)[:-1])
+    return RimShapes(shapes, pieces)
 
 
 def _turned_back(

@@ -95,11 +95,11 @@ def write_series(moments: Iterable[tuple[float, Mapping[str, bytes]]], path: Pat
     try:
         shutil.rmtree(fresh, ignore_errors=True)
         fresh.mkdir()
-        for number, (value, parts) in enumerate(moments):
-            for part, (ending, content) in enumerate(parts.items()):
+        for number, (value, contents) in enumerate(moments):
+            for index, (ending, content) in enumerate(contents.items()):
                 name = f"{path.stem}{ending}_{number:04d}.vtp"
                 write_atomic(fresh / name, content)
-                files.append((value, part, Path(folder.name) / name))
+                files.append((value, index, Path(folder.name) / name))
         shutil.rmtree(folder, ignore_errors=True)
         fresh.replace(folder)
         try:

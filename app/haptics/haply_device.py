@@ -69,7 +69,7 @@ class HaplyDevice:
         self._patience = min(STALE_SECONDS, 4.0 * options.period)
         self._sent: deque[float] = deque()
         self._behind = False
-        self._parts: list[bytes] = []  # of a message in fragments
+        self._fragments: list[bytes] = []  # of a message in fragments
         self._trouble: str | None = None
         self._last: Vector | None = None
         self._last_time = 0.0
@@ -227,10 +227,10 @@ class HaplyDevice:
             protocol.receive_data(content)
         for event in protocol.events_received():
             if isinstance(event, Frame) and event.opcode in DATA_OPCODES:
-                self._parts.append(bytes(event.data))
+                self._fragments.append(bytes(event.data))
                 if event.fin:
-                    messages.append(b"".join(self._parts))
-                    self._parts.clear()
+                    messages.append(b"".join(self._fragments))
+                    self._fragments.clear()
         self._flush()  # of what a ping asks for
         if protocol.state is not State.OPEN:
             if protocol.parser_exc is not None:

@@ -47,14 +47,14 @@ class ProtocolError(ValueError):
 
 def websocket_address(address: str) -> tuple[str, int]:
     """Return host and port of an address like ws://127.0.0.1:10001."""
-    parts = urlsplit(address)
+    url = urlsplit(address)
     try:
-        port = parts.port
+        port = url.port
     except ValueError:
         port = None
-    if parts.scheme != "ws" or not parts.hostname or port is None:
+    if url.scheme != "ws" or not url.hostname or port is None:
         raise ValueError(f"--address must be like ws://127.0.0.1:10001, not {address}")
-    return parts.hostname, port
+    return url.hostname, port
 
 
 class Vector(Struct):

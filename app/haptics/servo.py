@@ -250,7 +250,7 @@ class Servo:
             seconds=self._seconds,
             periods=periods,
             missed_periods=self._missed,
-            missed_part=self._missed / max(periods, 1),
+            missed_fraction=self._missed / max(periods, 1),
             stale_periods=self._stale,
             period_us=self._period.percentiles(),
             step_us=self._step.percentiles(),

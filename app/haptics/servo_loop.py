@@ -243,9 +243,9 @@ class ServoLoop:
         self.ended = False
         self.holds = [settings.hold] * hands
         self.leaving: Callable[[], None] = lambda: None  # called before another model is felt
-        self.feel(model, twin)
+        self.render(model, twin)
 
-    def feel(self, model: HapticModel, twin: HapticModel | None = None) -> None:
+    def render(self, model: HapticModel, twin: HapticModel | None = None) -> None:
         """Restart on a model at rest; the next places of the hands become their hooks' rest.
 
         A `twin` of the model is for `warm_caches`.

@@ -125,7 +125,7 @@ class ServoLink:
         self.hands = (row.size - HEAD) // ROW
         self.not_rendered: str | None = None  # why the last setting is not felt
 
-    def feel(self, setting: HapticSetting | None) -> int:
+    def render(self, setting: HapticSetting | None) -> int:
         """Change to another duct; the hands' places then become those of their hooks."""
         self._generation, self.not_rendered = self._generation + 1, None
         self._send((self._generation, setting))
@@ -291,7 +291,7 @@ class ServoEnd:
             try:
                 loop.holds[:] = [setting.hold] * loop.hands
                 period = loop.settings.period
-                loop.feel(
+                loop.render(
                     *(setting.model(loop.model.coupling, period, loop.hands) for _ in range(2))
                 )
             except ValueError as error:

@@ -39,8 +39,8 @@ class TimeHistogram:
         if not count:
             return Percentiles(0.0, 0.0, 0.0, 0.0)
         wanted: NDArray[np.float64] = count * np.array([0.5, 0.99, 0.999])
-        parts: list[float] = np.searchsorted(total, wanted).tolist()
-        return Percentiles(parts[0], parts[1], parts[2], round(self._largest, 1))
+        bounds: list[float] = np.searchsorted(total, wanted).tolist()
+        return Percentiles(bounds[0], bounds[1], bounds[2], round(self._largest, 1))
 
 
 class Energies(Struct, frozen=True):
@@ -93,7 +93,7 @@ class ServoReport(Struct, frozen=True):
     seconds: float
     periods: int
     missed_periods: int  # longer than one and a half
-    missed_part: float  # of all periods
+    missed_fraction: float  # of all periods
     stale_periods: int  # without a state
     period_us: Percentiles  # from period to period
     step_us: Percentiles  # of model, coupling and passivity, from a state to its force
@@ -132,7 +132,7 @@ class ServoReport(Struct, frozen=True):
             ("scheduled", self.scheduling),
             ("rate", f"{self.rate_Hz:.1f} of {self.wanted_rate_Hz} Hz for {self.seconds:.1f} s"),
             ("period", times(self.period_us)),
-            ("missed periods", f"{self.missed_periods} ({100.0 * self.missed_part:.3f} %), "
+            ("missed periods", f"{self.missed_periods} ({100.0 * self.missed_fraction:.3f} %), "
              f"{self.stale_periods} without a state"),
             ("step", times(self.step_us)),
             ("with work ahead", times(self.whole_step_us)),

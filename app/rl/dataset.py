@@ -209,8 +209,8 @@ def _fixed(pa: Any, values: NDArray[Any]) -> Any:
 def _space(space: Any) -> dict[str, Any]:
     """Return a space, a box or a dictionary of them, as Minari writes it."""
     if isinstance(space, gymnasium.spaces.Dict):
-        parts = {key: _space(space[key]) for key in space}
-        return {"type": "Dict", "subspaces": parts}
+        subspaces = {key: _space(space[key]) for key in space}
+        return {"type": "Dict", "subspaces": subspaces}
     return {
         "type": "Box",
         "dtype": str(space.dtype),
@@ -254,7 +254,7 @@ def _write_lerobot(folder: Path, episodes: list[dict[str, Any]], task: str, fps:
             ),
             "action": np.stack(table["actions"].to_numpy())[:length],
         }
-        part: dict[str, NDArray[Any]] = features | {
+        episode_columns: dict[str, NDArray[Any]] = features | {
             "next.reward": table["rewards"].to_numpy()[:length].astype(np.float32),
             "next.done": table["terminations"].to_numpy()[:length],
             "timestamp": (steps / fps).astype(np.float32),
@@ -263,7 +263,7 @@ def _write_lerobot(folder: Path, episodes: list[dict[str, Any]], task: str, fps:
             "index": first + steps,
             "task_index": np.zeros(length, np.int64),
         }
-        for key, values in part.items():
+        for key, values in episode_columns.items():
             columns.setdefault(key, []).append(values)
         rows.append(
             {
@@ -282,7 +282,7 @@ def _write_lerobot(folder: Path, episodes: list[dict[str, Any]], task: str, fps:
             }
         )  # fmt: skip
         first += length
-    whole = {key: np.concatenate(parts) for key, parts in columns.items()}
+    whole = {key: np.concatenate(pieces) for key, pieces in columns.items()}
     info = {
         "codebase_version": "v3.0",
         "robot_type": "bluntdissect",

@@ -190,15 +190,15 @@ class SurfaceStress:
         self, pulled: Equilibrium, out: NDArray[np.float32], *, scale: float = 1.0
     ) -> NDArray[np.float32]:
         """Write the stress at each vertex, times `scale`."""
-        self._write_parts(pulled, pulled.normal_stress, pulled.bending_stress, scale, out)
+        self._write_stresses(pulled, pulled.normal_stress, pulled.bending_stress, scale, out)
         return out
 
     def at(self, pulled: Equilibrium, threshold: float) -> Stresses:
         """Return normal and bending stress at each vertex, for a beam sampled in any order."""
         normal, bending = (np.empty(self._fraction.size, dtype=np.float32) for _ in range(2))
         nothing = np.zeros(pulled.stations.size)
-        self._write_parts(pulled, pulled.normal_stress, nothing, 1.0, normal)
-        self._write_parts(pulled, nothing, pulled.bending_stress, 1.0, bending)
+        self._write_stresses(pulled, pulled.normal_stress, nothing, 1.0, normal)
+        self._write_stresses(pulled, nothing, pulled.bending_stress, 1.0, bending)
         total = normal + bending
         return Stresses(normal, bending, total, 1.0 - total / np.float32(threshold))
 
@@ -215,7 +215,7 @@ class SurfaceStress:
         total = normal + bending
         return Stresses(normal, bending, total, 1.0 - total / np.float32(threshold))
 
-    def _write_parts(
+    def _write_stresses(
         self,
         pulled: Equilibrium,
         normal: NDArray[np.float64],

@@ -417,11 +417,11 @@ class _Viewing:
         self.so_far = self.standing = f"the view reached; {'; '.join(words)}" if words else ""
         return not left
 
-    def _show(self, parts: str) -> None:
-        part = min(self._points / self._goal.points, 1.0)
-        self.progress = 0.5 * part if self._goal.closes else part
+    def _show(self, met: str) -> None:
+        reached = min(self._points / self._goal.points, 1.0)
+        self.progress = 0.5 * reached if self._goal.closes else reached
         self.so_far = f"{self._points} of {self._goal.points} points"
-        self.standing = self.so_far + parts
+        self.standing = self.so_far + met
 
 
 class StopBleeding(

@@ -274,8 +274,8 @@ class _Hands:
             self._go(round(float(step.seconds or 0.0) / TICK_SECONDS), step)
         elif step.do == "open":
             wanted, first = float(step.opening_mm or 0.0), holder.opening
-            for part in self._parts(abs(wanted - first), step.speed_mm_s or JAWS_SPEED):
-                session.open_jaws(hand, first + (wanted - first) * part)
+            for fraction in self._fractions(abs(wanted - first), step.speed_mm_s or JAWS_SPEED):
+                session.open_jaws(hand, first + (wanted - first) * fraction)
                 if self._tick(step):
                     session.open_jaws(hand, holder.opening)
                     break
@@ -297,8 +297,8 @@ class _Hands:
         else:
             goal = first + np.array(step.by_mm, dtype=np.float64)
         far = math.sqrt(float(((goal - first) ** 2).sum()))
-        for part in self._parts(far, step.speed_mm_s or SPEED):
-            self.session.move_hand(hand, first + (goal - first) * part)
+        for fraction in self._fractions(far, step.speed_mm_s or SPEED):
+            self.session.move_hand(hand, first + (goal - first) * fraction)
             if self._tick(step):
                 self.session.move_hand(hand, holder.place)
                 return
@@ -307,7 +307,7 @@ class _Hands:
                 return
 
     @staticmethod
-    def _parts(far: float, speed: Number) -> Iterator[float]:
+    def _fractions(far: float, speed: Number) -> Iterator[float]:
         """Yield which part of a way is done after each tick."""
         ticks = max(1, math.ceil(far / float(speed) / TICK_SECONDS))
         return (tick / ticks for tick in range(1, ticks + 1))

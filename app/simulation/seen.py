@@ -77,8 +77,8 @@ class Sights:
 def _fractions(view: CriticalView) -> list[tuple[str, float]]:
     """Return the shares that a view is judged by, with a sentence that lacks the share."""
     return [
-        *((f"{tube_title(name)}: {{}} of what holds its end at the gallbladder has parted", part)
-          for name, part in view.structures.items()),
+        *((f"{tube_title(name)}: {{}} of what holds its end at the gallbladder has parted", loose)
+          for name, loose in view.structures.items()),
         ("{} of what holds the gallbladder's neck to other tubes has parted", view.neck),
         ("the triangle is cleared to {}", view.triangle),
         ("the lower third of the cystic plate is freed to {}", view.plate),

@@ -700,9 +700,9 @@ class Session:
         """Start the run with the first input, on a tissue that nothing has touched before."""
         if self.run.started or self.run.over:
             return False
-        under_way = self.tissue.renew()
+        in_progress = self.tissue.renew()
         self.run.start(self.tissue.start())
         self._recorder.start()
-        for hand, (kind, values) in under_way:
+        for hand, (kind, values) in in_progress:
             self.run.note(hand, kind, *values)
         return True

@@ -273,15 +273,15 @@ class SpatialTissue:
         for hand, before in enumerate(hands):
             self.put_hand(hand, before.place)
             self.hands[hand].target[:] = before.target
-        under_way: list[tuple[int, Applied]] = [
+        in_progress: list[tuple[int, Applied]] = [
             (hand, ("move", tuple(holder.target.tolist())))
             for hand, holder in enumerate(self.hands)
             if not holder.arrived
         ]
         if self.view is not TOWARDS_VIEWER:
-            under_way.append((0, ("view", self.pose)))
+            in_progress.append((0, ("view", self.pose)))
             self._touch_lens()
-        return under_way
+        return in_progress
 
     def _make_whole(self) -> None:
         opened = self._opened

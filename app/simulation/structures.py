@@ -52,11 +52,11 @@ def front_strands(anatomy: Anatomy, tubes: Tubes, fraction: float) -> NDArray[np
     low = LOWER_FRACTION * tubes.network.tubes[gallbladder].span
     plate = of(gallbladder) & ~between & (strands.stations <= low)
     # Of the common duct the front only: it stays in its bed.
-    parts = [(of(common), 0.5 * fraction), (plate, fraction), (between, fraction)]
-    parts += [(of(name), fraction) for name in entering_tubes(anatomy, gallbladder)]
+    groups = [(of(common), 0.5 * fraction), (plate, fraction), (between, fraction)]
+    groups += [(of(name), fraction) for name in entering_tubes(anatomy, gallbladder)]
     out = np.zeros(strands.count, dtype=np.bool_)
-    for which, part in parts:
+    for which, released in groups:
         own = np.flatnonzero(which)
         order = own[np.argsort(-height[own], kind="stable")]
-        out[order[: round(part * own.size)]] = True
+        out[order[: round(released * own.size)]] = True
     return out

@@ -49,7 +49,7 @@ def solve_beds(plan: Plan, block: Block) -> tuple[Outputs, list[str]]:
     faults = [""] * block.count
     for words, which in groups(block):
         for i in which.tolist():
-            one = block.part(np.array([i]))
+            one = block.subset(np.array([i]))
             try:
                 found = _lifted(plan, words, one)
             except ValueError as error:
@@ -63,24 +63,24 @@ def solve_beds(plan: Plan, block: Block) -> tuple[Outputs, list[str]]:
 def bed_of(preset: BedPreset, given: dict[str, float]) -> BedPreset:
     """Return a bed with other numbers, by the names of the inputs without `bed.`."""
     # For an area of the layer: strength 2 G / failure_mm, stiffness that over yield_mm.
-    part = given.get("failure_mm", preset.failure_mm)
+    failure = given.get("failure_mm", preset.failure_mm)
     length = given.get("yield_mm", preset.yield_mm)
     toughness = given.get("toughness_J_per_m2", preset.toughness_J_per_m2)
     if "strength_kPa" in given:
-        toughness = 0.5 * given["strength_kPa"] * part
+        toughness = 0.5 * given["strength_kPa"] * failure
     if "stiffness_kPa_per_mm" in given:
         if "strength_kPa" in given:
             length = given["strength_kPa"] / given["stiffness_kPa_per_mm"]
         else:
-            toughness = 0.5 * given["stiffness_kPa_per_mm"] * length * part
-    if not length <= part:
-        raise ValueError(f"strands yield at {length:.4g} mm, after they part at {part:.4g} mm")
+            toughness = 0.5 * given["stiffness_kPa_per_mm"] * length * failure
+    if not length <= failure:
+        raise ValueError(f"strands yield at {length:.4g} mm, after they part at {failure:.4g} mm")
     names = {"scatter", "slack_mm", "gap_mm", "around_deg"} & set(given)
     return msgspec.structs.replace(
         preset,
         toughness_J_per_m2=toughness,
         yield_mm=length,
-        failure_mm=part,
+        failure_mm=failure,
         **{name: given[name] for name in names},
     )
 

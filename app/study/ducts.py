@@ -28,8 +28,8 @@ __all__ = [
     "Block",
     "Outputs",
     "groups",
-    "part_of_organ",
     "round_ducts",
+    "sized_beam",
     "solve_pulls",
     "strength_of",
 ]
@@ -61,7 +61,7 @@ class Block:
             return self.numbers[name]
         return np.full(self.count, np.nan if otherwise is None else otherwise)
 
-    def part(self, which: NDArray[np.int64]) -> "Block":
+    def subset(self, which: NDArray[np.int64]) -> "Block":
         """Return some of the ducts."""
         return Block(
             which.size,
@@ -94,15 +94,15 @@ def solve_pulls(plan: Plan, block: Block) -> tuple[Outputs, list[str]]:
     outputs = {name: np.full(block.count, np.nan) for name in names}
     faults = [""] * block.count
     for words, which in groups(block):
-        some = block.part(which)
+        some = block.subset(which)
         for theory, at in _theories(words, some):
-            few, rows = some.part(at), which[at]
+            few, rows = some.subset(at), which[at]
             sound, ducts, thresholds, unsound = _set_up(plan, words, theory, few)
             for i, why in unsound.items():
                 faults[int(rows[i])] = why
             if not sound.size:
                 continue
-            load = few.part(sound).numbers
+            load = few.subset(sound).numbers
             found = solve_many(
                 theory,
                 ducts,
@@ -163,7 +163,7 @@ def _set_up(
     sound = np.array([i for i in range(block.count) if i not in unsound], dtype=np.int64)
     if not sound.size:
         return sound, ducts, np.empty(0), unsound
-    block = block.part(sound)
+    block = block.subset(sound)
     thresholds = block.number("break_stress_MPa", preset.break_stress_MPa)
     if "break_force_N" in block.numbers:
         # The break is known by its force at mid-span: the stress that the theory has there.
@@ -259,13 +259,11 @@ def _organ_beam(
     organ: Organ, preset: Preset, wall: float | None, span: float | None
 ) -> VaryingBeam:
     assert isinstance(preset.beam, OrganBeam)  # noqa: S101 (the caller has looked)
-    kind = part_of_organ(organ, preset.beam, wall, span)
+    kind = sized_beam(organ, preset.beam, wall, span)
     return organ_beam(organ, msgspec.structs.replace(preset, beam=kind))
 
 
-def part_of_organ(
-    organ: Organ, kind: OrganBeam, wall: float | None, span: float | None
-) -> OrganBeam:
+def sized_beam(organ: Organ, kind: OrganBeam, wall: float | None, span: float | None) -> OrganBeam:
     """Return an organ's beam with another wall and, where one is given, a span in its middle."""
     clamps = kind.clamps_mm
     if span is not None:

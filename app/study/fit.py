@@ -164,8 +164,8 @@ def fit_pulls(pulls: list[MeasuredPull], theory: Theory, *, free_ratio: bool = F
     residuals = np.split(measured - modulus.value * phi, ends)
     noise = math.sqrt(float(sum(np.sum(each**2) for each in residuals)) / (count - sought))
     alone = [
-        float(part @ each.curve.forces / (part @ part))
-        for part, each in zip(np.split(phi, ends), pulls, strict=True)
+        float(shape @ each.curve.forces / (shape @ shape))
+        for shape, each in zip(np.split(phi, ends), pulls, strict=True)
     ]
     warnings += _of_residuals(residuals, measured, theory)
     warnings += _of_noise(measured, modulus.value * phi, modulus.value, sought)

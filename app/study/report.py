@@ -79,7 +79,7 @@ class TearCurve:
         # An end is nan, open, where so few ducts lie beyond it that they do not bound it. Order
         # statistics: fewer than i of the ducts are torn at the load that is sought, and the i-th
         # is above it, as often as the binomial distribution has it, whatever that of the breaks.
-        low, high = (int(binom.ppf(part, self.count, fraction)) for part in (0.025, 0.975))
+        low, high = (int(binom.ppf(tail, self.count, fraction)) for tail in (0.025, 0.975))
         found = self._sorted
         values = [
             float(found[at]) if 0 <= at < found.size else math.nan
@@ -179,15 +179,15 @@ def _columns(results: ResultsFolder, plan: Plan) -> dict[str, Any]:
     names = pq.read_schema(results.table).names
     of_all = ("draw", "mix", *plan.grid, *EXPLAINED, FIRST_TORN, "fault")
     wanted = [each for each in of_all if each in names]
-    parts: dict[str, list[Any]] = {name: [] for name in wanted}
+    blocks: dict[str, list[Any]] = {name: [] for name in wanted}
     for batch in results.batches(wanted):
         for name in wanted:
             column = batch[name]
             if name == "fault":
-                parts[name].append(column.is_valid().to_numpy(zero_copy_only=False))
+                blocks[name].append(column.is_valid().to_numpy(zero_copy_only=False))
             else:
-                parts[name].append(np.asarray(column.to_numpy(zero_copy_only=False)))
-    columns = {name: np.concatenate(rows) for name, rows in parts.items()}
+                blocks[name].append(np.asarray(column.to_numpy(zero_copy_only=False)))
+    columns = {name: np.concatenate(rows) for name, rows in blocks.items()}
     columns["faulty"] = columns.pop("fault")
     return columns
 

@@ -123,7 +123,7 @@ class ResultsFolder:
             if held.get(name) != state[name]:
                 raise ValueError(f"{self.path} holds results of {words}; give another folder")
 
-    def part(self, block: int) -> Path:
+    def block_file(self, block: int) -> Path:
         """Return the file of a block."""
         return self.path / "parts" / f"{block:07d}.parquet"
 
@@ -133,8 +133,8 @@ class ResultsFolder:
 
     def write(self, block: int, content: bytes) -> None:
         """Write a block."""
-        self.part(block).parent.mkdir(exist_ok=True)
-        write_atomic(self.part(block), content)
+        self.block_file(block).parent.mkdir(exist_ok=True)
+        write_atomic(self.block_file(block), content)
 
     @contextmanager
     def joining(self, plan: Plan, blocks: int) -> Generator[Callable[[], None]]:
@@ -147,8 +147,8 @@ class ResultsFolder:
 
         def join() -> None:
             nonlocal waiting, writer
-            while waiting is not None and self.part(waiting).exists():
-                table = pq.read_table(self.part(waiting))
+            while waiting is not None and self.block_file(waiting).exists():
+                table = pq.read_table(self.block_file(waiting))
                 if writer is None:
                     schema = table.schema.with_metadata({KEY: json.dumps(about).encode()})
                     writer = _writer(unfinished, schema)
@@ -162,7 +162,7 @@ class ResultsFolder:
             if writer is not None:
                 writer.close()
         unfinished.replace(self.table)
-        shutil.rmtree(self.part(0).parent)
+        shutil.rmtree(self.block_file(0).parent)
 
     def csv(self) -> None:
         """Write the results as CSV, too."""

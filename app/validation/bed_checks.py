@@ -113,8 +113,8 @@ def taut() -> BedCheck:
     span, at, stretching, off = 100.0, 25.0, 50.0, (12.0, 20.0)
     beam = _beam(span, 60, (stretching, 1e6, 1e-4), ends=("pinned", "pinned"), nodes_at=(at,))
     history = pull(beam, None, [Hand(at=at, path=((0.0, *off),), steps=4)])
-    sides = [(part, math.hypot(part, *off)) for part in (at, span - at)]
-    across = sum(stretching * (length / part - 1.0) / length for part, length in sides)
+    sides = [(rest, math.hypot(rest, *off)) for rest in (at, span - at)]
+    across = sum(stretching * (length / rest - 1.0) / length for rest, length in sides)
     return BedCheck(
         "Thin beam led off its line (a string between two pins)",
         "force across, N",

@@ -57,8 +57,8 @@ def y_frame() -> BedCheck:
     }
     made = BeamOnBed(Network(tubes, [Join("b", 0, "a", 20.0), Join("c", 0, "a", 20.0)]))
     node = made.take(20.0, "a", along=(False, False, False))
-    for part in np.linspace(0.1, 1.0, 10).tolist():
-        made.push(node, part * np.array(FRAME_FORCE))
+    for fraction in np.linspace(0.1, 1.0, 10).tolist():
+        made.push(node, fraction * np.array(FRAME_FORCE))
         made.advance()
     found = float(made.places[node, 2] - made.rest_place(node)[2])
     return _check("Y frame (OpenSeesPy 3.7)", "height of its joint, mm", found, FRAME_HEIGHT, made)

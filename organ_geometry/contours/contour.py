@@ -223,12 +223,12 @@ def _centroid_and_radius(points: NDArray[np.float64]) -> tuple[NDArray[np.float6
     moment = np.zeros(3)
     for i in range(count):
         after = i + 1 if i + 1 < count else 0
-        part = 0.0
+        term = 0.0
         for axis in range(3):
-            part += crossed[i, axis] * (twice[axis] / max(size, _TINY))
-        total += part
+            term += crossed[i, axis] * (twice[axis] / max(size, _TINY))
+        total += term
         for axis in range(3):
-            moment[axis] += part * (points[i, axis] + points[after, axis] - 2.0 * middle[axis])
+            moment[axis] += term * (points[i, axis] + points[after, axis] - 2.0 * middle[axis])
     for axis in range(3):
         middle[axis] += moment[axis] / (3.0 * max(total, _TINY))
     return middle, math.sqrt(0.5 * size / math.pi)

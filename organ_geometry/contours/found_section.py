@@ -21,7 +21,7 @@ from organ_geometry.contours.trace_options import EdgeMethod, FoundPolarity
 from organ_geometry.images.image_stack import GreyImage
 
 # Another part counts from this share of the organ's area on.
-OTHER_PART = 0.05
+OTHER_COMPONENT = 0.05
 # What is kept around an organ, px.
 SMALLEST_REACH_PX = 12
 
@@ -80,12 +80,12 @@ def section_edges(
     return outer + shift, None if lumen is None else lumen + shift
 
 
-def shows_other_part(section: FoundSection, rule: EdgeRule) -> bool:
-    """Return whether the image shows another part of at least `OTHER_PART` of the organ's area."""
+def shows_other_component(section: FoundSection, rule: EdgeRule) -> bool:
+    """Return whether another component has at least `OTHER_COMPONENT` of the organ's area."""
     image, region = section.image, section.region
     # A coarser image shows all parts of that size, and is quicker to search.
     area = section.areas[-1]
-    halvings = math.floor(0.5 * math.log2(max(1.0, OTHER_PART * area / 4.0)))
+    halvings = math.floor(0.5 * math.log2(max(1.0, OTHER_COMPONENT * area / 4.0)))
     halvings = min(2, halvings, math.floor(math.log2(min(image.shape))))
     # Levels are whole numbers, and comparing them with one is ten times as quick.
     mask = (
@@ -96,8 +96,8 @@ def shows_other_part(section: FoundSection, rule: EdgeRule) -> bool:
     x, y = section.corner
     filled = grown(region.filled, 2)[MARGIN:-MARGIN, MARGIN:-MARGIN]
     rows, columns = filled.shape
-    part = mask[y : y + rows, x : x + columns]
-    part[filled[: part.shape[0], : part.shape[1]] > 0] = 0
+    window = mask[y : y + rows, x : x + columns]
+    window[filled[: window.shape[0], : window.shape[1]] > 0] = 0
     if halvings == 0:
         mask = np.asarray(cv2.blur(mask, (3, 3)), dtype=np.uint8)
     for _ in range(halvings):
@@ -107,11 +107,11 @@ def shows_other_part(section: FoundSection, rule: EdgeRule) -> bool:
         mask = np.asarray(halved, dtype=np.uint8)
     coarse = 2**halvings
     mask = mask_of(mask > 127)
-    if cv2.countNonZero(mask) * coarse**2 < max(OTHER_PART * area, SMALLEST_ORGAN_PX):
+    if cv2.countNonZero(mask) * coarse**2 < max(OTHER_COMPONENT * area, SMALLEST_ORGAN_PX):
         return False
     _, _, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     largest = int(np.asarray(stats)[1:, cv2.CC_STAT_AREA].max())
-    return largest * coarse**2 >= max(OTHER_PART * area, SMALLEST_ORGAN_PX)
+    return largest * coarse**2 >= max(OTHER_COMPONENT * area, SMALLEST_ORGAN_PX)
 
 
 def trimmed(section: FoundSection) -> FoundSection:

@@ -99,7 +99,9 @@ def next_section(
         if carried is None:
             raise NoEdgeFound(trouble)
         filled = fill(np.round(carried).astype(np.int32), bright.shape)
-        if region.other_part >= SPLIT_FRACTION and not _is_septum(bright, filled, region, rule):
+        if region.other_component >= SPLIT_FRACTION and not _is_septum(
+            bright, filled, region, rule
+        ):
             raise NoEdgeFound(trouble)
         region = replace(region, filled=filled, lumen=None, lumen_level=math.nan)
     if touches_border(region.filled):
@@ -226,10 +228,10 @@ def _trouble(
     last_name: str,
 ) -> str | None:
     """Return why the region that a grey level encloses is not the organ, or None if it is."""
-    if region.other_part >= SPLIT_FRACTION:
+    if region.other_component >= SPLIT_FRACTION:
         return (
             f"the organ splits: beside the part that continues {last_name} there is one of "
-            f"{region.other_part:.0%} of its area"
+            f"{region.other_component:.0%} of its area"
         )
     if _opens(before, region):
         raise NoEdgeFound(f"the wall is open, which closes a lumen in {last_name}")
@@ -279,13 +281,13 @@ def _leaks(
     return cv2.countNonZero(cv2.bitwise_and(moved, same)) > largest
 
 
-def _is_septum(bright: Image, filled: Mask, parts: Region, rule: EdgeRule) -> bool:
+def _is_septum(bright: Image, filled: Mask, pieces: Region, rule: EdgeRule) -> bool:
     """Return whether the parts of a region are joined by tissue, brighter than the background."""
-    above = mask_of(blurred(bright, parts.sigma, rule.scale) > parts.outer_level)
+    above = mask_of(blurred(bright, pieces.sigma, rule.scale) > pieces.outer_level)
     between, count = median_where(bright, without(grown(filled, -1), grown(above, 1)))
     if count == 0:
         return True
-    return between - level_around(bright, filled) > SEPTUM_FRACTION * parts.contrast
+    return between - level_around(bright, filled) > SEPTUM_FRACTION * pieces.contrast
 
 
 def _blurred_pair(

@@ -24,7 +24,7 @@ from organ_geometry.contours.found_section import (
     EdgeRule,
     FoundSection,
     section_edges,
-    shows_other_part,
+    shows_other_component,
 )
 from organ_geometry.contours.next_section import next_section
 from organ_geometry.contours.trace_options import Polarity, SeedPoint, TraceOptions, seed_point
@@ -260,7 +260,7 @@ def _edges(section: FoundSection, rule: EdgeRule, seeded: bool) -> _Edges:
         index=section.index,
         outer=outer,
         lumen=lumen,
-        other_part=not seeded and shows_other_part(section, rule),
+        other_component=not seeded and shows_other_component(section, rule),
         threshold=rule.sign * section.region.outer_level,
         carried=section.carried is not None,
     )

@@ -64,7 +64,9 @@ class Region:
     lumen: Mask | None  # (H, W) 255 in the lumen, or None
     lumen_level: float  # Level of the lumen's edge, NaN without a lumen
     contrast: float  # Organ's level less the background's
-    other_part: float  # Area of the largest component beside the organ, as a share of the organ's
+    other_component: (
+        float  # Area of the largest component beside the organ, as a share of the organ's
+    )
     sigma: float  # Blur in which the region was found, px
 
     @property
@@ -103,7 +105,7 @@ def _region(
     if first is None:
         # A lumen darker than the background must not draw Otsu's split to itself.
         first = otsu(np.maximum(smoothed, border_level)) if start_level is None else start_level
-    outline, other_part = choose(mask_of(smoothed > first))
+    outline, other_component = choose(mask_of(smoothed > first))
     if outline is None:
         raise NoEdgeFound("nothing stands out from the image's background")
     filled = fill(outline, bright.shape)
@@ -123,7 +125,7 @@ def _region(
                 f"levels, not clearly more than the noise of {noise:.3g}"
             )
         outer_level = 0.5 * (organ + outside)
-        outline, other_part = choose(mask_of(smoothed > outer_level))
+        outline, other_component = choose(mask_of(smoothed > outer_level))
         if outline is None:
             raise NoEdgeFound(f"the organ is smaller than {SMALLEST_ORGAN_PX:g} pixels")
         filled = fill(outline, bright.shape)
@@ -135,7 +137,7 @@ def _region(
         lumen_level = 0.5 * (organ + inside) if threshold is None else threshold
         if organ - inside < LUMEN_CONTRAST * (organ - outside):
             hole, lumen_level = None, math.nan
-    return Region(filled, outer_level, hole, lumen_level, organ - outside, other_part, sigma)
+    return Region(filled, outer_level, hole, lumen_level, organ - outside, other_component, sigma)
 
 
 def main_outline(mask: Mask) -> tuple[Outline | None, float]:

@@ -38,7 +38,7 @@ class TracedSection:
     lumen: NDArray[np.float64] | None  # (M, 2) points of the lumen's boundary, px, or None
     # Whether the image shows another part of at least a twentieth of the organ's area that stands
     # out as clearly. With a seed, other things are expected in view, and this is False.
-    other_part: bool
+    other_component: bool
     threshold: float  # Grey level of the outer boundary
     # Whether the edge is carried on from the slice before, because no grey level closes it.
     carried: bool = False

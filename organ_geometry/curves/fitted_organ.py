@@ -25,7 +25,7 @@ class FittedSection:
     lumen: NDArray[np.float64] | None
     curves: HalfCurves  # Half-curves of the outer boundary
     lumen_curves: HalfCurves | None  # Half-curves of the lumen, or None
-    other_part: bool  # Whether the image shows another part that stands out as clearly
+    other_component: bool  # Whether the image shows another part that stands out as clearly
     # Whether the edge is carried on from the image before, because no grey level closes it.
     carried: bool
 
@@ -112,7 +112,7 @@ def _fitted(stack: ImageStack, edges: TracedSection) -> FittedSection:
         lumen=lumen,
         curves=fit_half_curves(outer),
         lumen_curves=None if lumen is None else _lumen_curves(lumen),
-        other_part=edges.other_part,
+        other_component=edges.other_component,
         carried=edges.carried,
     )
 

@@ -44,13 +44,13 @@ def outline_feet(
     columns = outlines.shape[1] // 2 - 1
     squared = np.empty(len(pieces))
     ends = np.empty(len(pieces), np.intp)
-    parts = np.empty(len(pieces))
+    positions = np.empty(len(pieces))
     for i in range(len(pieces)):
         k, fraction, x, y = pieces[i], fractions[i], points[i, 0], points[i, 1]
         after = min(k + 1, len(outlines) - 1)
         right = _between(outlines, k, after, fraction, 0, 0)
         left = _between(outlines, k, after, fraction, columns, 0)
-        best, end, part = np.inf, 0, 0.0
+        best, end, position = np.inf, 0, 0.0
         # The column in which the point lies, or about that: u = cos(pi column / columns).
         width = right - left
         u = (2.0 * x - right - left) / width if width > 0.0 else 0.0
@@ -69,7 +69,7 @@ def outline_feet(
                     corner = column + 1 if half == 0 else last - column
                     away, along = _foot(outlines, k, after, fraction, corner, x, y)
                     if away < best:
-                        best, end, part = away, corner, along
+                        best, end, position = away, corner, along
                 column += direction
         for half in range(2):
             corner = 0 if half == 0 else columns + 1
@@ -77,9 +77,9 @@ def outline_feet(
             if off * off <= _FURTHER * best:
                 away, along = _foot(outlines, k, after, fraction, corner, x, y)
                 if away < best:
-                    best, end, part = away, corner, along
-        squared[i], ends[i], parts[i] = best, end, part
-    return squared, ends, parts
+                    best, end, position = away, corner, along
+        squared[i], ends[i], positions[i] = best, end, position
+    return squared, ends, positions
 
 
 def polygon_distances(

@@ -69,7 +69,7 @@ class EdgeJacobian:
     ) -> "EdgeJacobian":
         """Return the Jacobian at about `most` edge points a wall of each of `count` slices."""
         # Each wall comes with the slice of each of its points.
-        parts: list[LocatedPoints] = []
+        located_points: list[LocatedPoints] = []
         tables: list[NDArray[np.float64]] = []
         for wall, (located, section) in enumerate(walls):
             points = np.bincount(section, minlength=count)
@@ -79,7 +79,7 @@ class EdgeJacobian:
             some = np.flatnonzero(number % np.maximum(1, points // most)[section] == 0)
             taken = np.bincount(section[some], minlength=count)
             stands_for = (points / np.maximum(taken, 1))[section[some]]
-            parts.append(located.chosen(some))
+            located_points.append(located.chosen(some))
             tables.append(np.stack([section[some], np.full(len(some), wall), stands_for]))
         # (3, N): slice, wall, and how many points each stands for.
         table = np.concatenate(tables, axis=1)
@@ -87,7 +87,7 @@ class EdgeJacobian:
         order = np.argsort(table[0], kind="stable")
         slices = table[0, order].astype(np.intp)
         stands_for = table[2, order]
-        points = LocatedPoints.joined(parts).chosen(order)
+        points = LocatedPoints.joined(located_points).chosen(order)
         return cls(
             slices=slices,
             lumen=table[1, order] > 0.0,
@@ -151,7 +151,7 @@ def _changes(
     points: LocatedPoints, outlines: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (N,) distances e of points to their outlines and (16, N) their changes C."""
-    squared, ends, parts = points.feet(outlines)
+    squared, ends, located_points = points.feet(outlines)
     # Outlines are polygons of corners at equal steps of t, u = cos t, once around.
     half = OUTLINE_CORNERS // 2
     corners = np.cos(np.linspace(0.0, np.pi, half))
@@ -159,8 +159,8 @@ def _changes(
     at_corner = np.concatenate([corners, corners[::-1]])
     sign = np.repeat([1.0, -1.0], half)
     before = ends - 1
-    u = at_corner[before] + parts * (at_corner[ends] - at_corner[before])
-    h = sign[before] + parts * (sign[ends] - sign[before])
+    u = at_corner[before] + located_points * (at_corner[ends] - at_corner[before])
+    h = sign[before] + located_points * (sign[ends] - sign[before])
     fraction = points.fraction[:, np.newaxis]
     first, last = (
         outlines[points.piece, corner] * (1.0 - fraction)
@@ -168,7 +168,7 @@ def _changes(
         for corner in (before, ends)
     )
     side = last - first
-    normal = points.place - (first + parts[:, np.newaxis] * side)
+    normal = points.place - (first + located_points[:, np.newaxis] * side)
     distances = np.sqrt(squared)
     # A point on the outline has no way to its foot: there the side's own normal is as good.
     on = distances <= 1e-9 * np.abs(outlines).max()

@@ -136,7 +136,7 @@ def _numbers(
 ) -> NDArray[np.float64]:
     text = header.tags.get(tag, "")
     try:
-        numbers = np.array([float(part) for part in text.split("\\")])
+        numbers = np.array([float(fraction) for fraction in text.split("\\")])
     except ValueError:
         numbers = np.zeros(0)
     if len(numbers) != count or not np.isfinite(numbers).all():

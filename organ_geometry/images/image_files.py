@@ -107,10 +107,10 @@ def name_jumps(names: tuple[str, ...]) -> dict[int, int]:
     dict[int, int]
         By the place of the name before the gap; empty where names are not numbered evenly.
     """
-    parts = [re.split(r"([0-9]+)", name.casefold()) for name in names]
-    if len({len(each) for each in parts}) != 1:
+    names_split = [re.split(r"([0-9]+)", name.casefold()) for name in names]
+    if len({len(each) for each in names_split}) != 1:
         return {}
-    columns = [column for column in zip(*parts, strict=True) if len(set(column)) > 1]
+    columns = [column for column in zip(*names_split, strict=True) if len(set(column)) > 1]
     if len(columns) != 1 or not all(each.isdecimal() for each in columns[0]):
         return {}
     numbers = [int(each) for each in columns[0]]
@@ -127,8 +127,8 @@ def name_jumps(names: tuple[str, ...]) -> dict[int, int]:
 
 def _natural_key(name: str) -> tuple[list[str | int], str]:
     """Return a sorting key by which slice_2 comes before slice_10."""
-    parts = re.split(r"([0-9]+)", name.casefold())
-    return [int(part) if index % 2 else part for index, part in enumerate(parts)], name
+    names_split = re.split(r"([0-9]+)", name.casefold())
+    return [int(token) if index % 2 else token for index, token in enumerate(names_split)], name
 
 
 def _page_count(file: Path) -> int:

@@ -39,9 +39,9 @@ class CroppedSlices:
     def image(self, index: int) -> GreyImage:
         """Return the part of the image of that number, from 0 at the region's first."""
         whole = self.slices.image(self.region.first + index)
-        part = self.region
+        box = self.region
         # A copy, so that the whole image is not held for its part.
-        return whole[part.y0 : part.y1 + 1, part.x0 : part.x1 + 1].copy()
+        return whole[box.y0 : box.y1 + 1, box.x0 : box.x1 + 1].copy()
 
 
 def image_region(roi: Region, shape: tuple[int, int], count: int) -> ImageRegion:

@@ -252,13 +252,16 @@ def _volume_stack(source: Path, label: int | None, window: Window | None) -> Ima
     voxels, planes, levels = read_volume(source, label=label, window=window)
     doubts: list[str] = []
     if label is not None:
-        from organ_geometry.images.label_parts import DOUBTED_FRACTION, label_parts
+        from organ_geometry.images.label_components import DOUBTED_FRACTION, label_components
 
-        parts = label_parts(voxels > 0, np.array([*planes.pixel_size, planes.slice_spacing]))
-        if parts.fraction > DOUBTED_FRACTION:
+        components = label_components(
+            voxels > 0, np.array([*planes.pixel_size, planes.slice_spacing])
+        )
+        if components.fraction > DOUBTED_FRACTION:
             doubts.append(
-                f"label {label} is in {parts.count} parts, the second {parts.gap:.1f} mm from the "
-                f"first and {parts.fraction:.0%} of it, and an organ is one: join them"
+                f"label {label} is in {components.count} parts, the second {components.gap:.1f} mm "
+                f"from the first and {components.fraction:.0%} of it, and an organ is one: "
+                "join them"
             )
     stack = ImageStack(
         source=source,

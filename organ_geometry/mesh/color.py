@@ -36,15 +36,15 @@ _TOE_SLOPE, _TOE_END = 12.92, 0.04045  # of the curve's straight part near black
 
 def linear_light(srgb: ArrayLike) -> NDArray[np.float64]:
     """Return sRGB colours, 0 to 255, as linear light, 0 to 1; (0, 255, 188) is (0, 1, 0.5)."""
-    part = np.asarray(srgb, np.float64) / 255.0
-    return np.where(part <= _TOE_END, part / _TOE_SLOPE, ((part + 0.055) / 1.055) ** 2.4)
+    value = np.asarray(srgb, np.float64) / 255.0
+    return np.where(value <= _TOE_END, value / _TOE_SLOPE, ((value + 0.055) / 1.055) ** 2.4)
 
 
 def srgb_color(light: ArrayLike) -> NDArray[np.float64]:
     """Return linear light, 0 to 1, as sRGB colours, 0 to 255; the inverse of `linear_light`."""
-    part = np.asarray(light, np.float64)
-    toe = part <= _TOE_END / _TOE_SLOPE
-    return 255.0 * np.where(toe, _TOE_SLOPE * part, 1.055 * part ** (1.0 / 2.4) - 0.055)
+    value = np.asarray(light, np.float64)
+    toe = value <= _TOE_END / _TOE_SLOPE
+    return 255.0 * np.where(toe, _TOE_SLOPE * value, 1.055 * value ** (1.0 / 2.4) - 0.055)
 
 
 @cache

@@ -231,10 +231,10 @@ class GltfFile:
             tree["buffers"] = [{"byteLength": self._length}]
         text = json.dumps(tree, separators=(",", ":"), ensure_ascii=False).encode()
         text += b" " * (-len(text) % 4)
-        parts = [struct.pack("<I", len(text)), _JSON_CHUNK, text]
+        chunks = [struct.pack("<I", len(text)), _JSON_CHUNK, text]
         if self._length:
-            parts += [struct.pack("<I", self._length), _BINARY_CHUNK, *self._chunks]
-        body = b"".join(parts)
+            chunks += [struct.pack("<I", self._length), _BINARY_CHUNK, *self._chunks]
+        body = b"".join(chunks)
         return _MAGIC + struct.pack("<II", _VERSION, 12 + len(body)) + body
 
     def _view(self, content: bytes, target: Target | None) -> int:

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from organ_geometry.mesh.color import INSIDE, OUTER_WALL, Color, linear_light
 from organ_geometry.mesh.gltf_file import Finish, GltfFile, metres, turned
 from organ_geometry.mesh.normals import vertex_normals
-from organ_geometry.mesh.skin import Part, Skin
+from organ_geometry.mesh.skin import Side, Skin
 
 __all__ = ["Primitive", "skin_primitives"]
 
 _WHITE = (255, 255, 255)  # under the colours of vertices
-_WALLS: tuple[tuple[Part, str, Color, float], ...] = (
+_WALLS: tuple[tuple[Side, str, Color, float], ...] = (
     ("outer", "outer wall", OUTER_WALL, 0.45),
     ("inside", "inside", INSIDE, 0.35),
 )
@@ -36,8 +36,8 @@ def skin_primitives(
 ) -> list[Primitive]:
     """Add a skin's places, normals and triangles: (V, 3) mm, (V, 3) sRGB colours if any."""
     found: list[Primitive] = []
-    for part, name, color, roughness in _WALLS:
-        numbers, faces = skin.part(part)
+    for side, name, color, roughness in _WALLS:
+        numbers, faces = skin.side(side)
         places = vertices[numbers]
         attributes = {
             "POSITION": file.accessor(metres(places), "VEC3", target="vertices", bounded=True),

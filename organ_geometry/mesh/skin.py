@@ -13,7 +13,7 @@ from organ_geometry.organ import Organ, Wall
 
 __all__ = [
     "BoundSkin",
-    "Part",
+    "Side",
     "Skin",
     "Surface",
     "organ_skin",
@@ -22,7 +22,7 @@ __all__ = [
     "tube_skin",
 ]
 
-Part: TypeAlias = Literal["outer", "inside"]
+Side: TypeAlias = Literal["outer", "inside"]
 """The outer wall; the lumen and what closes the ends."""
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -75,7 +75,7 @@ class Skin:
         of_wall = values[:size] if wall == "outer" else values[size : 2 * size]
         return of_wall.reshape(self.rings, self.sides, *values.shape[1:])
 
-    def part(self, name: Part) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    def side(self, name: Side) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
         """Return a part as a mesh of its own: (W,) its vertices' numbers, (F, 3) faces of these."""
         wall = 2 * (self.rings - 1) * self.sides
         if name == "outer":
@@ -236,8 +236,8 @@ def _ramp(distance: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
     """Return 0 to 1 while the distance grows from 0 to the reach; all 1 without a reach."""
     if reach == 0.0:
         return np.ones_like(distance)
-    part: NDArray[np.float64] = np.clip(distance / reach, 0.0, 1.0)
-    return part * part * (3.0 - 2.0 * part)
+    fraction: NDArray[np.float64] = np.clip(distance / reach, 0.0, 1.0)
+    return fraction * fraction * (3.0 - 2.0 * fraction)
 
 
 def _right_handed(organ: Organ) -> bool:
@@ -250,8 +250,8 @@ def _right_handed(organ: Organ) -> bool:
 
 def _wall(grid: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the triangles of a tube of rings, seen from outside."""
-    parts = [_strip(near, far) for near, far in itertools.pairwise(grid)]
-    return np.concatenate(parts)
+    strips = [_strip(near, far) for near, far in itertools.pairwise(grid)]
+    return np.concatenate(strips)
 
 
 def _strip(near: NDArray[np.int32], far: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -282,10 +282,10 @@ def _blend(
         first, last = starts[run], starts[run + 1]
         before = transforms[index[first]]
         after = transforms[index[first] + 1]
-        part = weight[first]
+        fraction = weight[first]
         for i in range(3):
             for j in range(4):
-                blended[i, j] = before[i, j] + part * (after[i, j] - before[i, j])
+                blended[i, j] = before[i, j] + fraction * (after[i, j] - before[i, j])
         # In names of their own the figures stay in registers for the whole run.
         xx, xy, xz, x_shift = blended[0, 0], blended[0, 1], blended[0, 2], blended[0, 3]
         yx, yy, yz, y_shift = blended[1, 0], blended[1, 1], blended[1, 2], blended[1, 3]

@@ -110,8 +110,8 @@ def vtp_content(
 def pvd_content(files: Sequence[tuple[float, int, Path]]) -> bytes:
     """Return a series of files, each with its time and the number of its part, as a collection."""
     rows = "".join(
-        f'<DataSet timestep="{value!r}" part="{part}" file={quoteattr(path.as_posix())}/>\n'
-        for value, part, path in files
+        f'<DataSet timestep="{value!r}" part="{number}" file={quoteattr(path.as_posix())}/>\n'
+        for value, number, path in files
     )
     return (
         '<?xml version="1.0"?>\n'

@@ -35,7 +35,7 @@ COARSEST_TILTS = 8
 # The axis may be off along its chord by 2^2 times what it may be off across it.
 _ALONG_STEPS = 2
 # Share of the length over which the sections turn from an end's plane to those across the axis.
-TILTED_PART = 0.25
+TILTED_FRACTION = 0.25
 # Width and middle are kept in steps twice as long: half-curves take up what they leave.
 SPAN_STEPS = 2
 # 129 keys of the axis and 4097 candidates for key sections at most: three bits and four say which.
@@ -45,7 +45,7 @@ LARGEST_KEY_DEPTH = 12
 # them are shorter than their arcs by less than 1e-5.
 _FEWEST_AXIS_PIECES = 256
 # Parts of an octave, and how many octaves below 1 mm tolerances begin.
-_TOLERANCE_PARTS = 64
+_TOLERANCE_STEPS = 64
 _TOLERANCE_BIAS = 32
 
 
@@ -140,29 +140,29 @@ def signal_steps(step: float) -> NDArray[np.float64]:
 def tolerance_of(number: int) -> float:
     """Return a tolerance, mm, from its number n from 0 to 4095."""
     # (1 + n mod 64 / 64) 2^(n div 64 - 32)
-    power, part = divmod(number, _TOLERANCE_PARTS)
-    return math.ldexp(1.0 + part / _TOLERANCE_PARTS, power - _TOLERANCE_BIAS)
+    power, mantissa = divmod(number, _TOLERANCE_STEPS)
+    return math.ldexp(1.0 + mantissa / _TOLERANCE_STEPS, power - _TOLERANCE_BIAS)
 
 
 def tolerance_number(tolerance: float) -> int:
     """Return the number of the largest tolerance not above a given one, mm."""
-    part, power = math.frexp(max(tolerance, math.ldexp(1.0, -_TOLERANCE_BIAS)))
-    number = (power - 1 + _TOLERANCE_BIAS) * _TOLERANCE_PARTS
-    number += math.floor((2.0 * part - 1.0) * _TOLERANCE_PARTS)
-    return min(number, 64 * _TOLERANCE_PARTS - 1)
+    mantissa, power = math.frexp(max(tolerance, math.ldexp(1.0, -_TOLERANCE_BIAS)))
+    number = (power - 1 + _TOLERANCE_BIAS) * _TOLERANCE_STEPS
+    number += math.floor((2.0 * mantissa - 1.0) * _TOLERANCE_STEPS)
+    return min(number, 64 * _TOLERANCE_STEPS - 1)
 
 
 def scale_of(number: int) -> float:
     """Return a step in tolerances from its number n from 0 to 63."""
     # (4 + n mod 4) 2^(n div 4 - 16)
-    power, part = divmod(number, 4)
-    return math.ldexp(4.0 + part, power - 16)
+    power, mantissa = divmod(number, 4)
+    return math.ldexp(4.0 + mantissa, power - 16)
 
 
 def scale_number(scale: float) -> int:
     """Return the number of the step nearest below a scale."""
-    part, power = math.frexp(scale)
-    number = 4 * (power + 13) + math.floor((2.0 * part - 1.0) * 4.0)
+    mantissa, power = math.frexp(scale)
+    number = 4 * (power + 13) + math.floor((2.0 * mantissa - 1.0) * 4.0)
     return min(max(number, 0), 63)
 
 
@@ -230,13 +230,13 @@ def axis_and_frames(
     normals = tangents
     if leans.any():
         # The first and the last section lie as their images do, those between turn out of that.
-        along = np.linspace(0.0, 1.0, pieces + 1) / TILTED_PART
+        along = np.linspace(0.0, 1.0, pieces + 1) / TILTED_FRACTION
         for end, along_from in ((0, along), (1, along[::-1])):
             x_lean, y_lean = leans[end]
             # The lean fades out with a smooth step, 1 at the end and 0 a quarter of the way in.
             rest = np.clip(1.0 - along_from, 0.0, 1.0)
-            part = (rest * rest * (3.0 - 2.0 * rest))[:, np.newaxis]
-            normals = normals + part * (x_lean * x_dirs + y_lean * y_dirs)
+            mantissa = (rest * rest * (3.0 - 2.0 * rest))[:, np.newaxis]
+            normals = normals + mantissa * (x_lean * x_dirs + y_lean * y_dirs)
         normals = normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True))
         x_dirs = x_dirs - (x_dirs * normals).sum(axis=1, keepdims=True) * normals
         x_dirs = x_dirs / np.sqrt((x_dirs * x_dirs).sum(axis=1, keepdims=True))

@@ -41,7 +41,7 @@ def _is_doubtful(stack: ImageStack, traced: TracedOrgan, options: TraceOptions, 
     """Return whether an organ may be cut lengthwise, or more than once, by slices a gap apart."""
     sections = traced.sections
     # With a seed, what else an image shows is not looked for.
-    beside = sum(section.other_part or section.carried for section in sections)
+    beside = sum(section.other_component or section.carried for section in sections)
     if options.seed is not None or len(traced.problems) + beside > _LOST_FRACTION * len(stack):
         return True
     longest = max(float((np.ptp(one.outer, axis=0) * stack.pixel_size).max()) for one in sections)

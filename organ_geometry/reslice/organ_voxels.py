@@ -38,12 +38,12 @@ class OrganVoxels:
     levels: GreyImage  # (K, H, W) grey levels of the box
     corner: tuple[int, int, int]  # (3,) column, row and image of the box's first voxel in the stack
     # (K,) number of parts that each image of the box shows of the organ, small ones left out.
-    parts: NDArray[np.intp]
+    components: NDArray[np.intp]
     outside_level: float  # Typical level around the organ
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Parts:
+class _Components:
     """The connected parts of all images, numbered in one row."""
 
     first: list[int]  # Number of each image's first part
@@ -55,7 +55,7 @@ class _Parts:
 def organ_voxels(stack: ImageStack, traced: TracedOrgan, options: TraceOptions) -> OrganVoxels:
     """Return the voxels of a traced organ."""
     level, bright = _level_and_side(stack, traced, options)
-    found = _linked_parts(stack, level, bright)
+    found = _linked_components(stack, level, bright)
     if len(found.organs) == 0:
         raise ImageStackError(f"nothing stands out in the images of {stack.source}")
     mine = found.organs == _wanted(stack, options.seed, found, level, bright)
@@ -69,16 +69,16 @@ def organ_voxels(stack: ImageStack, traced: TracedOrgan, options: TraceOptions) 
     shape = (last - first + 1, y1 - y0, x1 - x0)
     inside = np.zeros(shape, dtype=np.bool_)
     levels = np.empty(shape, dtype=stack.image(first).dtype)
-    parts = np.zeros(shape[0], dtype=np.intp)
+    components = np.zeros(shape[0], dtype=np.intp)
     around: list[float] = []
     for place, index in enumerate(range(first, last + 1)):
         image = stack.image(index)
         levels[place] = image[y0:y1, x0:x1]
         numbers = np.flatnonzero(mine & (found.images == index))
         if len(numbers):
-            labels, _ = _parts_of(image, level, bright)
+            labels, _ = _components_of(image, level, bright)
             areas = found.stats[numbers, cv2.CC_STAT_AREA]
-            parts[place] = int(np.count_nonzero(areas >= PIECE_FRACTION * areas.max()))
+            components[place] = int(np.count_nonzero(areas >= PIECE_FRACTION * areas.max()))
             labels = labels[y0:y1, x0:x1]
             inside[place] = _filled(np.isin(labels, numbers - found.first[index] + 1))
         outer = levels[place][~inside[place]]
@@ -88,7 +88,7 @@ def organ_voxels(stack: ImageStack, traced: TracedOrgan, options: TraceOptions) 
         inside=inside,
         levels=levels,
         corner=(x0, y0, first),
-        parts=parts,
+        components=components,
         outside_level=float(np.median(around)) if around else 0.0,
     )
 
@@ -109,12 +109,14 @@ def _level_and_side(
     return level if options.threshold is None else options.threshold, polarity == "bright"
 
 
-def _wanted(stack: ImageStack, seed: Seed | None, found: _Parts, level: float, bright: bool) -> int:
+def _wanted(
+    stack: ImageStack, seed: Seed | None, found: _Components, level: float, bright: bool
+) -> int:
     if seed is None:
         sizes = np.bincount(found.organs, weights=found.stats[:, cv2.CC_STAT_AREA])
         return int(sizes.argmax())
     point = seed_point(seed, stack)
-    labels, _ = _parts_of(stack.image(point.index), level, bright)
+    labels, _ = _components_of(stack.image(point.index), level, bright)
     label = int(labels[round(point.y), round(point.x)])
     if label == 0:
         raise ImageStackError(
@@ -123,7 +125,7 @@ def _wanted(stack: ImageStack, seed: Seed | None, found: _Parts, level: float, b
     return int(found.organs[found.first[point.index] + label - 1])
 
 
-def _linked_parts(stack: ImageStack, level: float, bright: bool) -> _Parts:
+def _linked_components(stack: ImageStack, level: float, bright: bool) -> _Components:
     """Return the parts of all images, those that overlap in neighbouring ones of one organ."""
     parents: list[int] = []
     first: list[int] = []
@@ -137,7 +139,7 @@ def _linked_parts(stack: ImageStack, level: float, bright: bool) -> _Parts:
         return number
 
     for image in stack.images():
-        labels, found = _parts_of(image, level, bright)
+        labels, found = _components_of(image, level, bright)
         first.append(len(parents))
         parents.extend(range(len(parents), len(parents) + len(found)))
         both = (before > 0) & (labels > 0)
@@ -146,7 +148,7 @@ def _linked_parts(stack: ImageStack, level: float, bright: bool) -> _Parts:
             parents[root(first[-1] + new - 1)] = root(first[-2] + old - 1)
         stats.append(found)
         before = labels
-    return _Parts(
+    return _Components(
         first=first,
         organs=np.array([root(number) for number in range(len(parents))], dtype=np.intp),
         stats=np.concatenate(stats),
@@ -154,7 +156,7 @@ def _linked_parts(stack: ImageStack, level: float, bright: bool) -> _Parts:
     )
 
 
-def _parts_of(
+def _components_of(
     image: GreyImage, level: float, bright: bool
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the (H, W) labels of an image's connected parts, from 1, and their (L, 5) stats."""

@@ -41,7 +41,7 @@ When = Literal["auto", "always", "never"]
 _EDGE_PX = 6
 # Slices do not suit an organ of which so many of them show several parts, or whose centreline lies
 # flatter than 45 degrees to them over so much of its length.
-_PARTS_FRACTION = 0.1
+_COMPONENTS_FRACTION = 0.1
 _FLAT_FRACTION = 0.2
 _FLAT_COSINE = 0.5**0.5
 
@@ -136,9 +136,9 @@ def _organ(
 
 def _reason(voxels: OrganVoxels, line: Centreline) -> str | None:
     """Return why slices do not suit an organ, or None if they do."""
-    shown = int(np.count_nonzero(voxels.parts))
-    several = int(np.count_nonzero(voxels.parts > 1))
-    if several > _PARTS_FRACTION * shown:
+    shown = int(np.count_nonzero(voxels.components))
+    several = int(np.count_nonzero(voxels.components > 1))
+    if several > _COMPONENTS_FRACTION * shown:
         return f"{several} of {shown} images show several parts of the organ"
     steps = np.diff(line.points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)

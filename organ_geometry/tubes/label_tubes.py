@@ -27,7 +27,13 @@ from organ_geometry.organ_builder import BuiltOrgan, Promise, build_fitted
 from organ_geometry.reslice.resliced_stack import ReslicedSlices
 from organ_geometry.tubes.tube_axis import TubeAxis, fitted_axis
 from organ_geometry.tubes.tube_branches import SplitLabels, outside_wall, split_labels
-from organ_geometry.tubes.tube_joins import TubeJoin, found_joins, join_of, one_way, parents_first
+from organ_geometry.tubes.tube_joins import (
+    TubeJoin,
+    acyclic_joins,
+    found_joins,
+    join_of,
+    parents_first,
+)
 
 __all__ = ["FoundTubes", "LabelTube", "LabelTubes", "found_tubes", "tubes_of_labels"]
 
@@ -127,7 +133,7 @@ class FoundTubes:
     def join(self, tube: str, end: Literal[0, 1], to: str) -> TubeJoin:
         """Return the join of an end to another tube, wherever the two are."""
         axes = self.axes
-        (made,) = one_way([join_of(axes[tube], end, axes[to])], axes)
+        (made,) = acyclic_joins([join_of(axes[tube], end, axes[to])], axes)
         return made
 
     def tubes(
@@ -278,8 +284,8 @@ def _rim(axis: TubeAxis, more: float) -> Floats:
     angles = np.linspace(0.0, 2.0 * np.pi, _RIM_POINTS, endpoint=False)
     stations = np.linspace(0.0, float(axis.wall.knots[-1]), len(axis.places))
     away = axis.wall.radii(stations, angles) + more
-    ways = np.stack([np.cos(angles), np.sin(angles)], axis=0)
-    across = np.einsum("nij,jp->npi", axis.frames[:, :, :2], ways)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=0)
+    across = np.einsum("nij,jp->npi", axis.frames[:, :, :2], directions)
     return axis.places[:, np.newaxis] + away[:, :, np.newaxis] * across
 
 
@@ -446,8 +452,8 @@ def _organ(
     away = axis.wall.radii(stations * scale, angles)
     half = int(np.ceil(away.max() / voxel)) + 4
     side = 2 * half + 1
-    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    edges = half + away[:, :, np.newaxis] * ways / voxel
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    edges = half + away[:, :, np.newaxis] * directions / voxel
     # Frames from the volume's own axes, in which its voxels are cut.
     steps = np.swapaxes(volume.axes.T @ frames[:, :, :2], 1, 2) * voxel / volume.sizes
     stack = ImageStack(
@@ -470,7 +476,7 @@ def _organ(
     )
     traced = TracedOrgan(
         sections=tuple(
-            TracedSection(index=i, outer=edge, lumen=None, other_part=False, threshold=127.5)
+            TracedSection(index=i, outer=edge, lumen=None, other_component=False, threshold=127.5)
             for i, edge in enumerate(edges)
         ),
         problems={},

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from organ_geometry.images.grey_image import ImageStackError
-from organ_geometry.images.label_parts import DOUBTED_FRACTION, label_parts
+from organ_geometry.images.label_components import DOUBTED_FRACTION, label_components
 from organ_geometry.images.label_volume import LabelVolume
 from organ_geometry.reslice.centreline import (
     SMOOTH_RADII,
@@ -140,17 +140,19 @@ def label_voxels(
         for one, size in zip(found[0], mine.shape, strict=True)
     )
     mine = mine[box]
-    parts = label_parts(mine, volume.sizes)
-    inside, voxel = parts.largest, float(volume.sizes.prod())
+    components = label_components(mine, volume.sizes)
+    inside, voxel = components.largest, float(volume.sizes.prod())
     doubts: list[str] = []
-    if parts.fraction > _REFUSED_FRACTION:
+    if components.fraction > _REFUSED_FRACTION:
         raise ImageStackError(
-            f"label {label} ({name}) is in {parts.count} parts, the second {parts.gap:.1f} mm from "
-            f"the first and {parts.fraction:.0%} of it: join them, or give each a label of its own"
+            f"label {label} ({name}) is in {components.count} parts, the second "
+            f"{components.gap:.1f} mm from the first and {components.fraction:.0%} of it: "
+            "join them, or give each a label of its own"
         )
-    if parts.fraction > DOUBTED_FRACTION:
+    if components.fraction > DOUBTED_FRACTION:
         doubts.append(
-            f"{name}: a part of {parts.second} voxels, {parts.gap:.1f} mm away, is left out of it"
+            f"{name}: a part of {components.second} voxels, {components.gap:.1f} mm away, "
+            "is left out of it"
         )
     if int(inside.sum()) < _FEWEST_VOXELS:
         raise ImageStackError(
@@ -185,11 +187,11 @@ def tube_axis(volume: LabelVolume, voxels: LabelVoxels) -> TubeAxis:
     """Return the axis of a label's tube, moved to the middle of its wall, and the wall."""
     # Thick slices as several thin ones, if a path from voxel to voxel has too few steps of them.
     thin = np.maximum(1, np.round(volume.sizes / volume.sizes.min())).astype(np.intp)
-    for parts in (np.ones(3, dtype=np.intp), thin):
+    for components in (np.ones(3, dtype=np.intp), thin):
         fine = voxels.inside
         for axis in range(3):
-            fine = np.repeat(fine, parts[axis], axis=2 - axis)
-        sizes = volume.sizes / parts
+            fine = np.repeat(fine, components[axis], axis=2 - axis)
+        sizes = volume.sizes / components
         try:
             line = centreline(Tube(fine, sizes))
         except NoTube as error:
@@ -201,7 +203,7 @@ def tube_axis(volume: LabelVolume, voxels: LabelVoxels) -> TubeAxis:
             f"label {voxels.label} ({voxels.name}) is no tube: {reason}; give it the kind shown to "
             f"leave it out"
         )
-    indices = (line.points / sizes - 0.5 * (parts - 1.0)) / parts
+    indices = (line.points / sizes - 0.5 * (components - 1.0)) / components
     places = volume.places(indices + voxels.corner)
     length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
     radius = float(np.sqrt(voxels.volume / (np.pi * length)))

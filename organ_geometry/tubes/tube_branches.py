@@ -168,13 +168,13 @@ def _branches(volume: LabelVolume, axis: TubeAxis, voxel: float) -> list[NDArray
     begun, _ = outside_wall(volume, axis, _BEGINS_VOXELS * voxel)
     every = np.ones((3, 3, 3))
     labelled: Any = ndimage.label(begun, every)
-    parts, count = labelled
+    labels, count = labelled
     found: list[NDArray[np.intp]] = []
     for number in range(1, count + 1):
-        part = parts == number
-        if (part & far).sum() < needed:
+        component = labels == number
+        if (component & far).sum() < needed:
             continue
-        around: Any = ndimage.binary_dilation(part, every)
+        around: Any = ndimage.binary_dilation(component, every)
         contact = around & (axis.voxels.inside > 0) & ~begun
         patches: Any = ndimage.label(contact, every)
         sizes = np.bincount(patches[0].ravel())[1:]
@@ -185,7 +185,7 @@ def _branches(volume: LabelVolume, axis: TubeAxis, voxel: float) -> list[NDArray
             and np.ptp(np.percentile(at, [5.0, 95.0])) < _MOST_CONTACT * axis.radius
             and ends < np.median(at) < axis.length - ends
         ):
-            found.append(np.argwhere(part) + axis.voxels.corner[::-1])
+            found.append(np.argwhere(component) + axis.voxels.corner[::-1])
     return found
 
 

@@ -18,7 +18,7 @@ from scipy import ndimage
 from organ_geometry.images.label_volume import LabelVolume
 from organ_geometry.tubes.tube_axis import TubeAxis
 
-__all__ = ["JoinPlace", "TubeJoin", "found_joins", "join_of", "one_way", "parents_first"]
+__all__ = ["JoinPlace", "TubeJoin", "acyclic_joins", "found_joins", "join_of", "parents_first"]
 
 JoinPlace: TypeAlias = Literal["begin", "end", "middle"]
 Floats = NDArray[np.float64]
@@ -89,7 +89,7 @@ def found_joins(
                 found.append(join)
             elif join:
                 doubts.append(join)
-    return one_way(found, {tube.name: tube for tube in tubes.values()}), doubts
+    return acyclic_joins(found, {tube.name: tube for tube in tubes.values()}), doubts
 
 
 def _end(tube: TubeAxis, end: int) -> tuple[Floats, Floats, float]:
@@ -163,7 +163,7 @@ def _join(
     return join
 
 
-def one_way(found: list[TubeJoin], tubes: dict[str, TubeAxis]) -> list[TubeJoin]:
+def acyclic_joins(found: list[TubeJoin], tubes: dict[str, TubeAxis]) -> list[TubeJoin]:
     """Return joins, one for each pair of ends that meet: from the thinner to the thicker tube."""
     by_end = {(join.tube, join.end): join for join in found}
     kept: dict[tuple[str, int], TubeJoin] = {}

@@ -299,7 +299,7 @@ class TrainerPage:
         """
 
         def at_home() -> bool:
-            stage, told = scene_of(view)._stage, view.client.camera
+            stage, reported = scene_of(view)._stage, view.client.camera
             if stage is None or not stage._arrived:
                 return False
             if stage._looked_around:  # so seems a page that sets its own camera only now
@@ -307,11 +307,11 @@ class TrainerPage:
                 return False
             left = time.monotonic() - stage._framed_at > stage._settling_time
             place = self.camera()
-            wanted = stage._viewpoint(told.aspect)
+            wanted = stage._viewpoint(reported.aspect)
             return (
                 (left or not free)
                 and np.allclose(place, [wanted.position, wanted.look_at], atol=CAMERA_NEAR)
-                and np.allclose(place, [told.position, told.look_at], atol=1e-3)
+                and np.allclose(place, [reported.position, reported.look_at], atol=1e-3)
             )
 
         self.wait_until(at_home)

@@ -22,10 +22,10 @@ def killed_while_saving(path: Path, seconds: float) -> set[str]:
         env=os.environ | {"PYTHONPATH": str(root)},
     ) as process:  # fmt: skip
         assert process.stdout is not None
-        said = [process.stdout.readline()]
+        printed = [process.stdout.readline()]
         threading.Timer(seconds, process.send_signal, [signal.SIGKILL]).start()
-        said += process.stdout
-    return {line.strip() for line in said if line.endswith("\n")}
+        printed += process.stdout
+    return {line.strip() for line in printed if line.endswith("\n")}
 
 
 def check_killed(path: Path, acknowledged: set[str]) -> None:

@@ -25,11 +25,11 @@ PICTURE_ONLY = """new MutationObserver(() => {
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def lead(session: Session, hand: int, way: np.ndarray, seconds: float) -> None:
+def lead(session: Session, hand: int, direction: np.ndarray, seconds: float) -> None:
     """Lead a hand along a way, mm, at an even speed."""
     start, ticks = session.spatial.hands[hand].place.copy(), max(1, round(30 * seconds))
     for tick in range(1, ticks + 1):
-        session.move_hand(hand, start + np.asarray(way, float) * tick / ticks)
+        session.move_hand(hand, start + np.asarray(direction, float) * tick / ticks)
         session.advance()
     for _ in range(12):
         session.advance()

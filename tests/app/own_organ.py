@@ -16,7 +16,7 @@ IMAGES, DISTANCE = 30, 2.0
 """Sections, and mm between them."""
 
 
-def said(*arguments: object) -> str:
+def printed(*arguments: object) -> str:
     """What a command prints, run in this process."""
     with contextlib.redirect_stdout(io.StringIO()) as out:
         program([*map(str, arguments)], standalone_mode=False)
@@ -54,7 +54,7 @@ def built_bar(folder: Path, diameter: float, bore: float = 0.0) -> Path:
     """The organ file that `compress` makes of a drawn bar."""
     organ = folder / f"bar_{diameter:g}_{bore:g}.organ"
     images = drawn_bar(folder / organ.stem, diameter, bore)
-    said("compress", images, "-o", organ, "--tolerance-px", 0.2)
+    printed("compress", images, "-o", organ, "--tolerance-px", 0.2)
     return organ
 
 

@@ -22,8 +22,8 @@ def strings(tree: ast.Module) -> Iterator[tuple[int, str]]:
     }  # fmt: skip
     docs |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     inside = {
-        id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)
-        for part in ast.walk(node) if part is not node
+        id(fraction) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr)
+        for fraction in ast.walk(node) if fraction is not node
     }  # fmt: skip
     for node in ast.walk(tree):
         if id(node) in docs or id(node) in inside:
@@ -31,11 +31,11 @@ def strings(tree: ast.Module) -> Iterator[tuple[int, str]]:
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.lineno, node.value
         elif isinstance(node, ast.JoinedStr):
-            parts = (
-                part.value if isinstance(part, ast.Constant) and isinstance(part.value, str)
-                else "X" for part in node.values
+            pieces = (
+                fraction.value if isinstance(fraction, ast.Constant) and isinstance(fraction.value, str)
+                else "X" for fraction in node.values
             )  # fmt: skip
-            yield node.lineno, "".join(parts)
+            yield node.lineno, "".join(pieces)
 
 
 def script_strings(path: Path) -> Iterator[str]:

@@ -113,9 +113,9 @@ def serves_a_class(words: list[str]) -> None:
         try:
             assert process.stdout is not None
             for who, place in (("Teacher", "./class/"), ("Trainees", "./")):
-                said = process.stdout.readline()
-                assert said.startswith(f"{who}: http://127.0.0.1:"), said
-                with urllib.request.urlopen(said.split()[1]) as answer:
+                printed = process.stdout.readline()
+                assert printed.startswith(f"{who}: http://127.0.0.1:"), printed
+                with urllib.request.urlopen(printed.split()[1]) as answer:
                     assert f"url={place}" in answer.read().decode()
             process.send_signal(signal.SIGTERM)
             assert process.wait(LONGEST) == 0

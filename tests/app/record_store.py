@@ -81,13 +81,13 @@ class Handler(BaseHTTPRequestHandler):
         self.server.asked += 1
         code = self.code(body)
         code = good if code == 200 else code
-        said = b"no" if code >= 400 else b""
+        message = b"no" if code >= 400 else b""
         self.send_response(code)
         if code >= 400 and self.server.retry_after:
             self.send_header("Retry-After", self.server.retry_after)
-        self.send_header("Content-Length", str(len(said)))
+        self.send_header("Content-Length", str(len(message)))
         self.end_headers()
-        self.wfile.write(said)
+        self.wfile.write(message)
 
     def code(self, body: bytes) -> int:
         pair = base64.b64encode(f"{KEY}:{SECRET}".encode()).decode()

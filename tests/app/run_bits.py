@@ -43,8 +43,8 @@ def digests() -> list[str]:
             session.move_hand(0, start + np.array([0.0, 0.3 * tick, 0.4 * tick]))
             session.advance()
         found.append(run_json(session.run_file()))
-    way = np.linspace(0.0, 50.0, 101)
-    line = np.stack([way, 3.0 * np.sin(way / 9.0), 2.0 * np.cos(way / 7.0)], axis=1)
+    offset = np.linspace(0.0, 50.0, 101)
+    line = np.stack([offset, 3.0 * np.sin(offset / 9.0), 2.0 * np.cos(offset / 7.0)], axis=1)
     found.append(_bytes(*axis_line(line)))
     found += [each.encode() for each in alone([1, 2], 6, observation="both")]
     return [hashlib.sha256(each).hexdigest() for each in found]

@@ -367,7 +367,7 @@ def clients(scale: float) -> Iterator[tuple[str, str]]:
         )
 
 
-PARTS: dict[str, Callable[[float], Iterator[tuple[str, str]]]] = {
+CAMPAIGNS: dict[str, Callable[[float], Iterator[tuple[str, str]]]] = {
     each.__name__: each
     for each in (
         origins, messages, requests, connects, neighbours, bombs, kills, files, clients,
@@ -402,23 +402,25 @@ def written(text: str, name: str, result: str, when: str) -> str:
 def main() -> None:
     """Write the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(CAMPAIGNS)}")
     parser.add_argument("--scale", type=float, default=1.0)
     parser.add_argument("--dry", action="store_true", help="write nothing down")
     chosen = parser.parse_args()
-    if unknown := set(chosen.parts) - set(PARTS):
-        parser.error(f"there is no part {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
+    if unknown := set(chosen.parts) - set(CAMPAIGNS):
+        parser.error(
+            f"there is no part {', '.join(sorted(unknown))}; there are {', '.join(CAMPAIGNS)}"
+        )
     versions = ", ".join(f"{name} {version(name)}" for name in ("viser", "websockets", "msgspec"))
     print(f"Python {platform.python_version()}, {versions}, {os.cpu_count()} cores")
-    for part in chosen.parts or PARTS:
+    for campaign in chosen.parts or CAMPAIGNS:
         begun = time.monotonic()
-        for name, result in PARTS[part](chosen.scale):
+        for name, result in CAMPAIGNS[campaign](chosen.scale):
             when = f"{time.strftime('%Y-%m-%d', time.gmtime())}, load {os.getloadavg()[0]:.0f}"
             print(f"{name}: {result} ({when})", flush=True)
             if not chosen.dry:
                 text = FIGURES.read_text(encoding="utf-8")
                 FIGURES.write_text(written(text, name, result, when), encoding="utf-8")
-        print(f"[{part}: {time.monotonic() - begun:.0f} s]", flush=True)
+        print(f"[{campaign}: {time.monotonic() - begun:.0f} s]", flush=True)
 
 
 if __name__ == "__main__":

@@ -82,8 +82,8 @@ def _angle(anatomy: Anatomy) -> float:
     join = next(join for join in anatomy.join if join.tube == "cystic")
     at = joined_station(join, lines["common"])
     up = lines["common"].at(at + 5.0) - lines["common"].at(at)
-    way = lines["cystic"].at(5.0) - lines["cystic"].at(0.0)
-    return math.degrees(math.acos(up @ way / np.linalg.norm(up) / np.linalg.norm(way)))
+    direction = lines["cystic"].at(5.0) - lines["cystic"].at(0.0)
+    return math.degrees(math.acos(up @ direction / np.linalg.norm(up) / np.linalg.norm(direction)))
 
 
 @pytest.fixture(scope="module")
@@ -372,8 +372,8 @@ def test_the_command_lists_draws_and_reads(tmp_path: Path) -> None:
     assert drawn.returncode == 0, drawn.stderr
     assert json.loads(drawn.stdout) == json.loads(run("anatomy", path, "--json").stdout)
     assert read_anatomy(path) == drawn_anatomy(7)
-    said = run("anatomy", "short-cystic").stdout
-    assert "cystic             duct, 10.0 mm long, radius 1.40 mm" in said
+    output = run("anatomy", "short-cystic").stdout
+    assert "cystic             duct, 10.0 mm long, radius 1.40 mm" in output
 
 
 @pytest.mark.parametrize(("name", "mark"), [("a.png", b"\x89PNG"), ("a.svg", b"<?xml")])

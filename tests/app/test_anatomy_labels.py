@@ -137,7 +137,7 @@ def test_a_case_is_written_and_read_again(volume: LabelVolume, names: Path, tmp_
     folder = tmp_path / "case"
     done = run("anatomy", "--labels", labels, "--names", names, "-o", folder, "--json")
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
+    output = json.loads(done.stdout)
     assert {file.name for file in folder.iterdir()} == {
         "anatomy.toml", "common_duct.organ", "cystic_duct.organ", "hepatic_artery.organ",
     }  # fmt: skip
@@ -153,7 +153,7 @@ def test_a_case_is_written_and_read_again(volume: LabelVolume, names: Path, tmp_
     for _ in range(5):
         bed.tick(1e-3)
     assert np.abs(bed.places - bed.rest_places).max() < 1e-12
-    assert said["organ_bytes"] == sum(f.stat().st_size for f in folder.glob("*.organ"))
+    assert output["organ_bytes"] == sum(f.stat().st_size for f in folder.glob("*.organ"))
     # The file's frame: x to the head, y to the right, z to the front, from the first tube's begin.
     assert anatomy.place is not None
     rows, origin = np.array(anatomy.place.rows_LPS), np.array(anatomy.place.origin_LPS_mm)

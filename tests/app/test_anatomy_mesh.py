@@ -43,10 +43,10 @@ def test_a_round_organ_has_its_circles_areas() -> None:
 def test_every_tube_is_closed(tmp_path: Path) -> None:
     path = tmp_path / "normal.stl"
     assert run("anatomy", "normal", "--mesh", path).returncode == 0
-    parts = mesh_of(path).split(only_watertight=True)
-    assert len(parts) == len(NORMAL)
+    pieces = mesh_of(path).split(only_watertight=True)
+    assert len(pieces) == len(NORMAL)
     lines = tube_lines(read_anatomy(shipped_anatomies()["normal"]))
-    volumes = sorted(float(part.volume) for part in parts)
+    volumes = sorted(float(piece.volume) for piece in pieces)
     round_ones = sorted(
         float(np.trapezoid(np.pi * line.radius**2, line.stations)) for line in lines.values()
     )
@@ -66,7 +66,7 @@ def test_merged_tubes_are_one_closed_surface(name: str, tmp_path: Path) -> None:
     assert whole.is_winding_consistent
     # An artery from below is joined to the gallbladder, and the hepatic artery to nothing then.
     assert whole.body_count == (2 if name == "artery-outside" else 1)
-    volumes = [float(part.volume) for part in mesh_of(apart).split()]
+    volumes = [float(piece.volume) for piece in mesh_of(apart).split()]
     assert max(volumes) < whole.volume < sum(volumes)
 
 

@@ -71,9 +71,9 @@ def test_strands_between_tubes_hold_both_walls_and_are_the_same_again() -> None:
             # As far as it is across the tube.
             chord = beams[2].places[-1] - beams[2].places[0]
             chord /= np.sqrt(chord @ chord)
-            way = (strands.feet - strands.ends)[mine].mean(axis=0)
+            direction = (strands.feet - strands.ends)[mine].mean(axis=0)
             across = np.array(layer.toward) - (chord @ layer.toward) * chord
-            assert way @ across > 0.95 * np.sqrt((way @ way) * (across @ across))
+            assert direction @ across > 0.95 * np.sqrt((direction @ direction) * (across @ across))
 
 
 def test_a_torn_cystic_artery_bleeds_until_it_is_clipped() -> None:

@@ -153,13 +153,17 @@ def test_arrows_are_as_the_forces_and_are_hidden_with_the_figures(
     drawn.draw(reading)
     held, free = drawn._arrows
     assert (held.visible, free.visible) == (True, False)
-    arrow, label = held._parts
+    arrow, label = held._nodes
     foot, tip = arrow.points[0]
-    way, force = tip - foot, session.tissue.dissection.frame @ reading.forces[0]
-    np.testing.assert_allclose(way / np.linalg.norm(way), force / np.linalg.norm(force), atol=1e-5)
+    direction, force = tip - foot, session.tissue.dissection.frame @ reading.forces[0]
+    np.testing.assert_allclose(
+        direction / np.linalg.norm(direction), force / np.linalg.norm(force), atol=1e-5
+    )
     # A fifth of the span at the break, in proportion to the stress below it.
     fraction = max(reading.stress_ratio, 0.3)
-    assert np.linalg.norm(way) == pytest.approx(0.2 * drawn._set_stage().span * fraction, rel=1e-4)
+    assert np.linalg.norm(direction) == pytest.approx(
+        0.2 * drawn._set_stage().span * fraction, rel=1e-4
+    )
     assert label.text == f"{np.linalg.norm(force):.2f} N"
     drawn.draw(reading, figures=False)
     assert not held.visible
@@ -181,7 +185,7 @@ def test_the_stretch_that_an_exercise_is_about_is_marked(
     drawn.draw(session.reading())
     marked = shown()
     assert marked is not None
-    lines, _ = marked._parts
+    lines, _ = marked._nodes
     assert (lines.points[..., 0].min(), lines.points[..., 0].max()) == (20.0, 31.0)
     session.finish()
     drawn.draw(session.reading())
@@ -314,7 +318,7 @@ def test_a_divided_duct_is_drawn_without_its_second_clamp(
     assert stubs[0][0] == stubs[0][1] == stubs[1][0] > 0
     assert stubs[1][1] == 0, "nothing is pinched at the end that is free"
     assert scene._annotations._stretch is not None
-    marked = scene._annotations._stretch._parts[0].points[..., 0]
+    marked = scene._annotations._stretch._nodes[0].points[..., 0]
     assert marked.max() - marked.min() == pytest.approx(front_length, abs=1e-3)
     session.reset()
     scene.draw(session.reading())

@@ -42,7 +42,7 @@ START = {
     "type": "FileTransferStartUpload", "source_component_uuid": "b", "transfer_uuid": "t",
     "filename": "a.zip", "mime_type": "", "part_count": 2, "size_bytes": 2000,
 }  # fmt: skip
-PART = {
+SPREAD = {
     "type": "FileTransferPart", "source_component_uuid": "b", "transfer_uuid": "t",
     "part_index": 0, "content": b"1" * 1000,
 }  # fmt: skip
@@ -88,7 +88,7 @@ def closed_with(opened: Any) -> int:
 
 @pytest.mark.parametrize(
     "message",
-    [CAMERA, VALUE, DRAG, DRAG | {"instance_index": 3, "owner": "a"}, START, PART,
+    [CAMERA, VALUE, DRAG, DRAG | {"instance_index": 3, "owner": "a"}, START, SPREAD,
      CAMERA | {"image_height": 713.5},
      {"type": "ScenePointerMessage", "event_type": "rect-select", "ray_origin": None,
       "ray_direction": (1, 0, 0), "screen_pos": ((0, 1), (0.5, 2)), "modifier": None},
@@ -133,7 +133,7 @@ HOSTILE = [
         DRAG | {"phase": "over"},
         DRAG | {"owner": None},
         START | {"size_bytes": 2e12},
-        PART | {"content": "text"},
+        SPREAD | {"content": "text"},
     )
 ] + [b"", b"\xc1", b"\x91" * 100_000, b"\xdd\xff\xff\xff\xff", b"\xdd\0\x0f\0\0" + b"\xc0" * 983040]
 
@@ -301,9 +301,9 @@ def test_silent_connections_keep_nobody_out() -> None:
 
 
 def test_unfinished_uploads_are_bounded_and_the_page_is_told() -> None:
-    told: list[str] = []
+    reported: list[str] = []
     bounds = Bounds(upload_bytes=5000, all_upload_bytes=6000)
-    connections = Connections(bounds, lambda _, words: told.append(words))
+    connections = Connections(bounds, lambda _, words: reported.append(words))
     server = start_server(
         "127.0.0.1", 0, Guard("127.0.0.1", None, connections), socket_options(connections)
     )
@@ -311,25 +311,27 @@ def test_unfinished_uploads_are_bounded_and_the_page_is_told() -> None:
         with page(server) as one, page(server) as two:
             for name in ("a", "b", "c"):  # of 2000 bytes each
                 one.send(ENCODE(START | {"transfer_uuid": name}))
-            until(lambda: told)
+            until(lambda: reported)
             assert connections.upload_bytes == 4000
-            one.send(ENCODE(PART | {"transfer_uuid": "c"}))  # of the refused one
+            one.send(ENCODE(SPREAD | {"transfer_uuid": "c"}))  # of the refused one
             two.send(ENCODE(START))
             until(lambda: connections.upload_bytes == 6000)
             two.send(ENCODE(START | {"transfer_uuid": "u"}))
             two.send(ENCODE(START | {"size_bytes": 6000}))  # in place of what is under way
-            until(lambda: len(told) == 3)
+            until(lambda: len(reported) == 3)
             assert connections.upload_bytes == 6000
-            two.send(ENCODE(PART | {"part_index": 0}))
-            two.send(ENCODE(PART | {"part_index": 0.9, "content": b""}))  # which is again the first
+            two.send(ENCODE(SPREAD | {"part_index": 0}))
+            two.send(
+                ENCODE(SPREAD | {"part_index": 0.9, "content": b""})
+            )  # which is again the first
             assert two.ping().wait(LONGEST)
             assert connections.upload_bytes == 6000
-            two.send(ENCODE(PART | {"part_index": 1}))
+            two.send(ENCODE(SPREAD | {"part_index": 1}))
             until(lambda: connections.upload_bytes == 4000)
             for wrong in ({"content": b"1" * 2001}, {"part_index": 2}, {"part_index": -1}):
                 with page(server) as wrongs:
                     wrongs.send(ENCODE(START | {"size_bytes": 2000, "transfer_uuid": "w"}))
-                    wrongs.send(ENCODE(PART | {"transfer_uuid": "w"} | wrong))
+                    wrongs.send(ENCODE(SPREAD | {"transfer_uuid": "w"} | wrong))
                     assert closed_with(wrongs) == 1008
             assert one.ping().wait(LONGEST)
         until(lambda: connections.upload_bytes == 0)

@@ -90,12 +90,12 @@ def test_a_short_organ_that_is_sent_is_practised_on_with_a_preset_that_fits(
         tab.open("Build")
         status = tab.page.get_by_test_id("build-status")
         chooser = tab.page.locator("input[type=file]").last
-        for wrong, said in ((b"no zip", "this cannot be read: send a zip"), (b"", "send a zip")):
+        for wrong, message in ((b"no zip", "this cannot be read: send a zip"), (b"", "send a zip")):
             (tmp_path / "wrong.zip").write_bytes(wrong)
             chooser.set_input_files(tmp_path / "wrong.zip")
-            expect(status).to_contain_text(said)
+            expect(status).to_contain_text(message)
             notice = tab.page.get_by_role("alert").filter(has_text="Not possible")
-            expect(notice.first).to_contain_text(said)
+            expect(notice.first).to_contain_text(message)
         again = tab.page.get_by_role("button", name="Read them with these sizes")
         expect(again).to_have_count(0)
         place, button = status.bounding_box(), tab.page.get_by_role("button", name="Open images")

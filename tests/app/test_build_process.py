@@ -33,12 +33,12 @@ def nothing(done: int, total: int) -> None:
 
 
 def test_what_is_made_comes_back_with_its_progress(process: BuildProcess) -> None:
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     twice, number = process.make(
-        doubled, 3, progress=lambda *each: told.append(each), wanted=lambda: True
+        doubled, 3, progress=lambda *each: reported.append(each), wanted=lambda: True
     )
     assert twice == 6
-    assert told == [(1, 3), (2, 3), (3, 3)]
+    assert reported == [(1, 3), (2, 3), (3, 3)]
     assert number != os.getpid()
     # The same process makes the next.
     assert process.make(doubled, 1, progress=nothing, wanted=lambda: True) == (2, number)
@@ -99,9 +99,9 @@ def test_a_workbench_gives_the_same_bytes_by_another_process(
     process: BuildProcess, tmp_path: Path
 ) -> None:
     few = phantom_start(tmp_path / "few", 12)
-    bench, told = OrganWorkbench(process=process), list[tuple[int, int]]()
-    opened = bench.open_folder(few, lambda *each: told.append(each))
-    assert told[-1] == (12, 12)
+    bench, reported = OrganWorkbench(process=process), list[tuple[int, int]]()
+    opened = bench.open_folder(few, lambda *each: reported.append(each))
+    assert reported[-1] == (12, 12)
     assert opened.picture(6).shape == (480, 480, 3)
     built = bench.build(0.5)
     here = build_organ(read_image_stack(few), promise=Promise(tolerance_px=0.5))

@@ -115,7 +115,7 @@ def test_a_case_is_built_saved_and_practised_on_in_the_page(
     labels = write(drawn_volume(TUBES, 1.0), tmp_path / "labels.nii.gz")
     (tmp_path / "names.json").write_text(json.dumps(NAMES))
     folder = tmp_path / "case"
-    said: list[str] = []
+    message: list[str] = []
 
     def serve(start: Callable[[], Trainer], say: Callable[[Trainer], object]) -> None:
         running = start()
@@ -124,7 +124,7 @@ def test_a_case_is_built_saved_and_practised_on_in_the_page(
             running.warm_up.wait("calot")
             with trainer_page(browser, running.link, first_minute=True, node="/scope/state") as tab:
                 use_the_page(tab, folder)
-                said.append(_newest(running, "calot").session.specimen.dissection.organ.name)
+                message.append(_newest(running, "calot").session.specimen.dissection.organ.name)
         finally:
             running.stop()
 
@@ -133,7 +133,7 @@ def test_a_case_is_built_saved_and_practised_on_in_the_page(
         done = run("anatomy", *words, "--port", 0)
     assert done.returncode == 0, done.stderr
     assert re.fullmatch(r"The case is ready: http://127\.0\.0\.1:\d+\n", done.stdout)
-    assert said == ["common_duct"]
+    assert message == ["common_duct"]
     anatomy = read_anatomy(folder / "anatomy.toml")
     assert [tube.name for tube in anatomy.tube] == ["common_duct", "gallbladder", "cystic_duct"]
     for tube in anatomy.tube:

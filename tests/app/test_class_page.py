@@ -115,7 +115,7 @@ class Trainee:
         self.trainer.press("Join the class")
         expect(self.page.get_by_test_id("class-name")).to_have_text(name)
 
-    def told(self, what: str) -> None:
+    def shown(self, what: str) -> None:
         expect(self.page.get_by_test_id("class-last")).to_contain_text(what)
 
     def reach(self, name: str) -> None:
@@ -185,7 +185,7 @@ def test_a_level_is_begun_failed_and_begun_again_on_another_bed_by_keys(
         cas.press_by_keys("Start the next try")
         expect(cas.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
         cas.lift(14, by_mouse=False)
-        cas.told("Failed.")
+        cas.shown("Failed.")
         expect(levels).to_contain_text("Last:")
         (kept,) = [each for each in lesson.store.runs() if each.finished]
         assert (kept.level, kept.seed, kept.passed, kept.title) == ("window", 1, False, "Open <it>")
@@ -246,7 +246,7 @@ def test_a_lesson_from_the_first_name_to_the_restart(
         # Ann lifts the duct, which this exercise forbids; what she did is saved, then said: that it
         # was too far, or too fast, where the keys come quickly one after the other.
         ann.lift(14)
-        ann.told("Failed.")
+        ann.shown("Failed.")
         expect(ann.page.get_by_test_id("class-saved")).to_contain_text("Saved")
         (kept,) = [each for each in lesson.store.runs() if each.finished]
         assert (kept.passed, kept.title) == (False, "One <i>")
@@ -285,8 +285,8 @@ def test_a_lesson_from_the_first_name_to_the_restart(
         again = opened(path, port)
         try:
             expect(teacher.locator("#connection")).to_have_text("Live")
-            ben.told("One <i> was cut short")
-            ann.told("Your last run, One <i>, failed at")
+            ben.shown("One <i> was cut short")
+            ann.shown("Your last run, One <i>, failed at")
             expect(ann.page.get_by_test_id("class-name")).to_have_text("Ann")
             # Ben has not finished it: it is on his duct again. Ann has.
             expect(ben.page.get_by_test_id("exercise-state")).to_contain_text("Ready")

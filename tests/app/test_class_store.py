@@ -171,9 +171,9 @@ def test_what_was_acknowledged_survives_kills(tmp_path: Path) -> None:
     ClassStore.new(path, "Killed").close()
     chance, acknowledged = random.Random(15), set[str]()
     for _ in range(KILLS):
-        said = killed_while_saving(path, chance.uniform(0.0, 0.15))
-        assert said
-        acknowledged |= said
+        message = killed_while_saving(path, chance.uniform(0.0, 0.15))
+        assert message
+        acknowledged |= message
         check_killed(path, acknowledged)
 
 
@@ -191,15 +191,15 @@ def test_a_full_disk_is_told_and_what_waits_is_saved_later(
         save(run)  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(store, "save", write)
-    recorder, told = Recorder(store, lambda _: ()), Queue[str | None]()
+    recorder, reported = Recorder(store, lambda _: ()), Queue[str | None]()
     kept = record(ann.id)
-    recorder.save(kept.id, lambda: kept, told.put)
-    trouble = told.get(timeout=LONGEST)
+    recorder.save(kept.id, lambda: kept, reported.put)
+    trouble = reported.get(timeout=LONGEST)
     assert trouble is not None
     assert "full" in trouble
     assert store.runs() == []
     full.clear()
-    while told.get(timeout=LONGEST) is not None:
+    while reported.get(timeout=LONGEST) is not None:
         pass
     recorder.stop()
     assert [each.id for each in store.runs()] == [kept.id]

@@ -127,11 +127,11 @@ def test_compress_says_what_it_found_and_kept(compressed: tuple[Path, dict[str, 
     assert found["length_mm"] == pytest.approx(50.8, abs=0.05)
     assert found["rms_error_px"] == pytest.approx(found["rms_error_mm"] / 0.125)
     assert found["rms_error_mm"] < found["tolerance_mm"]
-    for way in ("normal", "algebraic"):
-        fit_mm = found[f"fit_{way}_rms_mm"]
-        assert found[f"fit_{way}_rms_px"] == pytest.approx(fit_mm / 0.125)
+    for fit in ("normal", "algebraic"):
+        fit_mm = found[f"fit_{fit}_rms_mm"]
+        assert found[f"fit_{fit}_rms_px"] == pytest.approx(fit_mm / 0.125)
         squares = [
-            section["edge_points"] * section[f"fit_{way}_rms_mm"] ** 2
+            section["edge_points"] * section[f"fit_{fit}_rms_mm"] ** 2
             for section in found["sections"]
         ]
         points = sum(section["edge_points"] for section in found["sections"])
@@ -359,13 +359,13 @@ def test_compress_notes_what_may_make_it_another_organ(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     written = next(number for number, line in enumerate(lines) if line.startswith("written"))
-    doubtful, parts, units = lines[written + 1 : written + 4]
+    doubtful, components, units = lines[written + 1 : written + 4]
     assert doubtful.startswith("doubtful   probably another organ than the one wanted")
-    assert parts.startswith("doubtful   2 of 3 sections show another part of at least 5% of")
+    assert components.startswith("doubtful   2 of 3 sections show another part of at least 5% of")
     assert units == "note       the images' lengths are relative, not mm: one unit is taken as 1 mm"
-    said = json.loads(run("compress", folder, "-o", tmp_path / "duct.organ", "--json").stdout)
-    assert [f"doubtful   {doubt}" for doubt in said["doubts"]] == [parts]
-    assert f"note       {said['warnings'][-1]}" == units
+    message = json.loads(run("compress", folder, "-o", tmp_path / "duct.organ", "--json").stdout)
+    assert [f"doubtful   {doubt}" for doubt in message["doubts"]] == [components]
+    assert f"note       {message['warnings'][-1]}" == units
 
 
 @pytest.mark.parametrize("key", ["--pixel-size", "--slice-spacing"])
@@ -596,7 +596,7 @@ def test_solve_a_pull_along_an_avulsion_and_an_inflation() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (("--load", "twist", "--force", 1), "--load must be one of across, along"),
         (("--load", "inflation"), "an inflation needs --pressure, kPa"),
@@ -607,5 +607,5 @@ def test_solve_a_pull_along_an_avulsion_and_an_inflation() -> None:
         (("--load", "inflation", "--pressure", 1e6), "MPa at most, under which it grows"),
     ],
 )
-def test_what_is_not_of_a_load_is_named(options: tuple[object, ...], said: str) -> None:
-    assert said in refused(["solve", *TUBE, *options])
+def test_what_is_not_of_a_load_is_named(options: tuple[object, ...], message: str) -> None:
+    assert message in refused(["solve", *TUBE, *options])

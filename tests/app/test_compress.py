@@ -52,9 +52,9 @@ def test_many_stacks_go_into_one_folder_under_names_that_differ(
 ) -> None:
     done = run("compress", *stacks, "-o", tmp_path / "organs", "--json")
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
-    assert [one["stack"] for one in said] == [str(stack) for stack in stacks]
-    names = [Path(one["file"]).name for one in said]
+    message = json.loads(done.stdout)
+    assert [one["stack"] for one in message] == [str(stack) for stack in stacks]
+    names = [Path(one["file"]).name for one in message]
     written = {path.name for path in (tmp_path / "organs").iterdir()}
     assert written == {*names, "summary.jsonl", "summary.csv"}
     # What tells the two alike apart comes before all names.
@@ -62,11 +62,11 @@ def test_many_stacks_go_into_one_folder_under_names_that_differ(
         ["left", "masks.organ"],
         ["right", "masks.organ"],
     ]
-    for one in said:
+    for one in message:
         organ = read_organ(Path(one["file"]))
         assert len(organ.encoded) == one["bytes_out"]
         assert len(organ.keys) == one["sections_kept"]
-    radii = [read_organ(Path(one["file"])).mean_radius for one in said]
+    radii = [read_organ(Path(one["file"])).mean_radius for one in message]
     assert radii == pytest.approx([1.63, 1.35, 2.0], abs=0.1)
 
 
@@ -147,16 +147,16 @@ def test_an_overall_promise_leaves_single_sections_more(tmp_path: Path, stacks: 
 
 
 def test_the_promise_can_be_given_in_pixels(tmp_path: Path, stacks: list[Path]) -> None:
-    said = []
+    message = []
     for option in (("--tolerance-px", 0.5), ("--tolerance-mm", 0.05)):
         done = run("compress", stacks[1], "-o", tmp_path / "duct.organ", *option, "--json")
         assert done.returncode == 0, done.stderr
-        said.append(json.loads(done.stdout))
-    assert said[0]["tolerance_mm"] == said[1]["tolerance_mm"]
-    assert said[0]["tolerance_mm"] == pytest.approx(0.05, rel=0.02)
-    assert said[0]["tolerance_px"] == pytest.approx(said[0]["tolerance_mm"] / 0.1)
-    assert all(section["rms_mm"] <= 0.05 for section in said[0]["sections"])
-    assert said[0]["max_error_px"] == pytest.approx(said[0]["max_error_mm"] / 0.1)
+        message.append(json.loads(done.stdout))
+    assert message[0]["tolerance_mm"] == message[1]["tolerance_mm"]
+    assert message[0]["tolerance_mm"] == pytest.approx(0.05, rel=0.02)
+    assert message[0]["tolerance_px"] == pytest.approx(message[0]["tolerance_mm"] / 0.1)
+    assert all(section["rms_mm"] <= 0.05 for section in message[0]["sections"])
+    assert message[0]["max_error_px"] == pytest.approx(message[0]["max_error_mm"] / 0.1)
     both = ("--tolerance-px", 1, "--tolerance-mm", 1)
     line = refused(("compress", stacks[1], "-o", tmp_path / "x.organ", *both))
     assert "either --tolerance-mm or --tolerance-px" in line
@@ -222,8 +222,8 @@ def test_what_is_read_is_never_written_over(
     tmp_path: Path, stacks: list[Path], options: tuple[str, ...], words: str
 ) -> None:
     before = {file.name: file.read_bytes() for file in stacks[0].iterdir()}
-    places = [part.replace("SCANS", str(stacks[0])) for part in options]
-    places = [str(tmp_path / part) if part.startswith("o.") else part for part in places]
+    places = [words_.replace("SCANS", str(stacks[0])) for words_ in options]
+    places = [str(tmp_path / words_) if words_.startswith("o.") else words_ for words_ in places]
     assert words in refused(("compress", stacks[0], *places))
     assert {file.name: file.read_bytes() for file in stacks[0].iterdir()} == before
     assert not list(tmp_path.glob("o.*"))
@@ -276,11 +276,11 @@ def test_an_interrupt_ends_the_work_in_one_line(
                 assert process.poll() is None
                 assert time.monotonic() < until, "it does not work"
                 time.sleep(0.05)
-            said = _interrupted(process)
+            message = _interrupted(process)
         finally:
             process.kill()
     assert process.returncode == 130
-    assert said.splitlines() == ["bluntdissect: stopped; no file is left half-written"]
+    assert message.splitlines() == ["bluntdissect: stopped; no file is left half-written"]
     assert not list(tmp_path.rglob("long*.organ*"))
 
 
@@ -296,13 +296,13 @@ def two_things(folder: Path) -> Path:
 
 def test_doubts_come_before_all_notes_and_in_the_json(tmp_path: Path) -> None:
     folder = two_things(tmp_path / "scene")
-    said = compress_stack(StackJob(folder, tmp_path / "duct.organ"))
+    message = compress_stack(StackJob(folder, tmp_path / "duct.organ"))
     doubt = "3 of 3 sections show another part of at least 5% of the organ's area beside it"
-    (found,) = said.doubts
+    (found,) = message.doubts
     assert found.startswith(doubt)
-    assert found in said.warnings
-    assert said.as_json()["doubts"] == [found]
-    lines = list(report_lines(said, every_section=False))
+    assert found in message.warnings
+    assert message.as_json()["doubts"] == [found]
+    lines = list(report_lines(message, every_section=False))
     first = next(index for index, line in enumerate(lines) if line.startswith("doubtful"))
     assert lines[first].startswith("doubtful   probably another organ than the one wanted")
     assert lines[first + 1].startswith(f"doubtful   {doubt}")
@@ -340,17 +340,17 @@ def test_info_says_what_is_in_a_file(tmp_path: Path) -> None:
     organ = read_organ(path)
     done = run("info", path, "--json")
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
-    assert said["bytes"] == path.stat().st_size
-    assert said["length_mm"] == organ.length
-    assert said["mean_radius_mm"] == organ.mean_radius
-    assert said["tolerance_mm"] == organ.tolerance_mm
-    assert said["sections_kept"] == len(organ.keys) == len(said["key_stations_mm"])
-    assert said["key_stations_mm"] == pytest.approx(organ.key_stations, abs=1e-4)
-    assert said["last_mm"] == pytest.approx(organ.axis[-1], abs=1e-4)
+    message = json.loads(done.stdout)
+    assert message["bytes"] == path.stat().st_size
+    assert message["length_mm"] == organ.length
+    assert message["mean_radius_mm"] == organ.mean_radius
+    assert message["tolerance_mm"] == organ.tolerance_mm
+    assert message["sections_kept"] == len(organ.keys) == len(message["key_stations_mm"])
+    assert message["key_stations_mm"] == pytest.approx(organ.key_stations, abs=1e-4)
+    assert message["last_mm"] == pytest.approx(organ.axis[-1], abs=1e-4)
     words = run("info", path).stdout
-    for part in ("version 3", "checksum right", "hollow", "mm RMS", "sections"):
-        assert part in words
+    for words_ in ("version 3", "checksum right", "hollow", "mm RMS", "sections"):
+        assert words_ in words
 
 
 def test_info_refuses_what_is_no_organ_file(tmp_path: Path) -> None:

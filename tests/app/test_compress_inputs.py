@@ -96,12 +96,12 @@ def test_the_page_s_commands_work(images: Path, monkeypatch: pytest.MonkeyPatch)
         assert read_organ(Path(words[words.index("-o") + 1])).length > 15.0
     first, stages = examples("python")
     names: dict[str, object] = {}
-    with contextlib.redirect_stdout(io.StringIO()) as said:
+    with contextlib.redirect_stdout(io.StringIO()) as message:
         exec(first, names)
-    assert int(said.getvalue().split()[0]) > 30
-    with contextlib.redirect_stdout(io.StringIO()) as said:
+    assert int(message.getvalue().split()[0]) > 30
+    with contextlib.redirect_stdout(io.StringIO()) as message:
         exec(stages, names)
-    tight, loose = map(int, said.getvalue().split())
+    tight, loose = map(int, message.getvalue().split())
     assert tight >= loose >= 2
 
 

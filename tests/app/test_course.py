@@ -163,12 +163,12 @@ def test_a_wrong_course_is_refused_by_its_line(old: str, new: str, why: str, lin
     content = SMALL.replace('step = "Open a window."', 'step = "Open a window."\npasses = 3')
     with pytest.raises(ValueError, match="this is no course") as fault:
         read_course(content.replace(old, new, 1))
-    said = str(fault.value)
-    assert why in said
-    assert "\n" not in said
-    number = re.search(r"line (\d+)", said)
-    assert number is not None, said
-    assert int(number[1]) == line, said
+    message = str(fault.value)
+    assert why in message
+    assert "\n" not in message
+    number = re.search(r"line (\d+)", message)
+    assert number is not None, message
+    assert int(number[1]) == line, message
 
 
 def test_two_benchmarks_of_one_metric_are_refused() -> None:

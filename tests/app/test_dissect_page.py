@@ -62,7 +62,7 @@ def drag(
     trainer: Trainer,
     view: PageView,
     place: np.ndarray,
-    way: tuple[float, float],
+    direction: tuple[float, float],
     button: Literal["left", "right"] = "left",
 ) -> None:
     """Press at a place of the duct's frame and move the mouse by pixels, without letting go."""
@@ -74,7 +74,7 @@ def drag(
     tab.aim(start)
     mouse.down(button=button)
     for step in range(1, 9):
-        mouse.move(start[0] + way[0] * step / 8, start[1] + way[1] * step / 8)
+        mouse.move(start[0] + direction[0] * step / 8, start[1] + direction[1] * step / 8)
         tab.next_picture()
 
 
@@ -510,10 +510,10 @@ def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand
         page.get_by_test_id("outcome").wait_for()
         found = session.run.incidents()
         assert found[0].error == "behind_front"
-        told = page.get_by_test_id("error")
-        expect(told).to_have_count(len(found))
-        expect(told.first).to_contain_text(found[0].sentence)
-        expect(told.first).to_contain_text("left hand, at ")
+        reported = page.get_by_test_id("error")
+        expect(reported).to_have_count(len(found))
+        expect(reported.first).to_contain_text(found[0].sentence)
+        expect(reported.first).to_contain_text("left hand, at ")
         expect(page.get_by_test_id("timeline").locator("rect")).to_have_count(len(found))
         expect(page.get_by_test_id("debrief-numbers")).to_contain_text("scripted expert")
         instead = ERROR_CLASSES["behind_front"].instead.format(**found[0].values)

@@ -39,8 +39,8 @@ SCATTERED = bed_named("firm")
 def bits(session: Session) -> bytes:
     """All that is to be the same: the beam, its strands' damage, the skin and the reading."""
     beam, drawn = session.spatial.beam, session.drawn
-    parts = [beam.places, beam.rotations, beam.damage, drawn.surfaces[0].vertices]
-    return b"".join(part.tobytes() for part in parts) + repr(astuple(session.reading())).encode()
+    arrays = [beam.places, beam.rotations, beam.damage, drawn.surfaces[0].vertices]
+    return b"".join(piece.tobytes() for piece in arrays) + repr(astuple(session.reading())).encode()
 
 
 def dissected(session: Session, seen: list[bytes] | None = None) -> RunFile:
@@ -158,8 +158,8 @@ def test_the_measures_are_those_of_the_readings() -> None:
     parted: list[int] = []
     lean = math.radians(30.0)
     for tick in range(1, 61):
-        way = 0.15 * tick * np.array([0.0, math.sin(lean), math.cos(lean)])
-        session.move_hand(0, start + way)
+        direction = 0.15 * tick * np.array([0.0, math.sin(lean), math.cos(lean)])
+        session.move_hand(0, start + direction)
         session.advance()
         reading = session.reading()
         forces.append(np.array(reading.forces[0]))
@@ -377,10 +377,10 @@ def test_a_dissection_is_played_by_the_command(
     assert found["metrics"] == json.loads(shortest)["metrics"]
     assert table.read_text().startswith("time_s,hand_1_x_mm,")
     replay(file)
-    said = capsys.readouterr().out
-    assert re.search(r"strands at the start +600", said)
-    assert re.search(r"strands broken +0", said)
-    assert re.search(r"as recorded +yes, to 12 digits", said)
+    message = capsys.readouterr().out
+    assert re.search(r"strands at the start +600", message)
+    assert re.search(r"strands broken +0", message)
+    assert re.search(r"as recorded +yes, to 12 digits", message)
 
 
 def test_a_stored_run_of_version_3_plays_as_it_was_recorded() -> None:

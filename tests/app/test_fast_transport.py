@@ -121,14 +121,14 @@ def test_what_is_streamed_comes_as_viser_would_send_it(server: viser.ViserServer
     arrays: list[memoryview] = []
     wanted = [each.as_serializable_dict(arrays) for each in visers]
     sent = fast_transport._packed(visers, zstandard.ZstdCompressor(level=1).compress)
-    size, packed = (int.from_bytes(sent[8 * part :][:8], "little") for part in range(2))
+    size, packed = (int.from_bytes(sent[8 * index :][:8], "little") for index in range(2))
     content = zstandard.ZstdDecompressor().decompress(sent[16 : 16 + packed])
     assert len(content) == size
-    told = msgspec.msgpack.decode(content)
-    assert msgspec.msgpack.encode(told["messages"], order="sorted") == msgspec.msgpack.encode(
+    reported = msgspec.msgpack.decode(content)
+    assert msgspec.msgpack.encode(reported["messages"], order="sorted") == msgspec.msgpack.encode(
         wanted, order="sorted"
     )
-    assert told["binaryBufferLengths"] == [each.nbytes for each in arrays] == [36]
+    assert reported["binaryBufferLengths"] == [each.nbytes for each in arrays] == [36]
     assert sent[-(-(16 + packed) // 8) * 8 :] == bytes(arrays[0])
 
 

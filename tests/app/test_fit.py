@@ -91,11 +91,11 @@ def test_noise_in_proportion_to_force_is_named_and_weighed() -> None:
         for forces in (by_force, even):
             curve = Curve("made", places, forces, {}, False)
             found = fit_pulls([MeasuredPull(curve, DUCT, 20.0)], theory)
-            said = [line for line in found.warnings if "noise grows with the force" in line]
+            output = [line for line in found.warnings if "noise grows with the force" in line]
             if forces is even:
-                wrongly += len(said)
-            elif said:
-                low, high = map(float, re.findall(r"\(([\d.]+) to ([\d.]+)\)", said[0])[0])
+                wrongly += len(output)
+            elif output:
+                low, high = map(float, re.findall(r"\(([\d.]+) to ([\d.]+)\)", output[0])[0])
                 named += 1
                 held += int(low <= 0.4 <= high)
     assert wrongly <= 2  # of 200, 1 in 100 at most
@@ -144,13 +144,13 @@ def test_the_thesis_s_ansys_columns_give_its_modulus(table: object, tmp_path: Pa
     )
     done = run("fit", path, "--theory", "fem", "-o", tmp_path / "mine.toml", "--json")
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
+    reported = json.loads(done.stdout)
     # Printed with three digits in 6.1 and 6.2, five in 6.3.
     off = {"6.1": 2e-3, "6.2": 8e-3, "6.3": 1e-4}[table.number]
-    assert told["parameters"]["modulus"]["value"] == pytest.approx(table.beam.modulus, rel=off)
+    assert reported["parameters"]["modulus"]["value"] == pytest.approx(table.beam.modulus, rel=off)
     mine = read_preset((tmp_path / "mine.toml").read_bytes(), "mine.toml")
     assert mine.round_beam().area == pytest.approx(table.beam.area)
-    assert mine.modulus_MPa == told["parameters"]["modulus"]["value"]
+    assert mine.modulus_MPa == reported["parameters"]["modulus"]["value"]
     assert run("solve", "--preset", tmp_path / "mine.toml", "--force", 1).returncode == 0
 
 
@@ -169,15 +169,15 @@ def test_an_organ_s_own_sections_give_the_modulus_they_were_pulled_with(tmp_path
     )
     done = run("fit", path, "--organ", BILE_DUCT, "-o", mine, "--json")
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)["parameters"]
-    low, high = told["modulus"]["region_95"]
+    reported = json.loads(done.stdout)["parameters"]
+    low, high = reported["modulus"]["region_95"]
     assert low < 0.4 < high
-    assert told["modulus"]["value"] == pytest.approx(0.4, rel=0.01)
+    assert reported["modulus"]["value"] == pytest.approx(0.4, rel=0.01)
     stress = pull.sample(critical_stations(pull.beam, 14.0)).total_stress.max()
-    assert told["strength"]["value"] == pytest.approx(stress, rel=0.01)
+    assert reported["strength"]["value"] == pytest.approx(stress, rel=0.01)
     found = read_preset(mine.read_bytes(), "mine.toml")
     assert found.beam == kind
-    assert organ_beam(organ, found).modulus == told["modulus"]["value"]
+    assert organ_beam(organ, found).modulus == reported["modulus"]["value"]
     asked = ["fit", path, "--organ", BILE_DUCT]
     assert "leave out the diameter" in refused([*asked, "--diameter", 8])
     assert "brings its own beam" in refused([*asked, "--preset", "thesis-bile-duct"])
@@ -224,7 +224,7 @@ def test_units_columns_and_breaks_of_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "output"),
     [
         ("deflection,force_N\n", "line 1: the column 'deflection' has no unit"),
         ("deflection_N,force_N\n", "line 1: 'deflection_N': 'N' is no unit of a length"),
@@ -248,11 +248,11 @@ def test_units_columns_and_breaks_of_a_file(tmp_path: Path) -> None:
         ("deflection_mm,force_N\n1,4\n2,3\n3,2.5\n4,2.2\n", "wrong signs?"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named(text: str, said: str, tmp_path: Path) -> None:
+def test_what_is_wrong_in_a_file_is_named(text: str, output: str, tmp_path: Path) -> None:
     path = tmp_path / "pull.csv"
     path.write_text(text)
     message = refused(["fit", path, "--preset", "thesis-bile-duct", "-o", tmp_path / "mine.toml"])
-    assert said in message
+    assert output in message
     assert not (tmp_path / "mine.toml").exists()
 
 

@@ -137,15 +137,15 @@ def test_the_chain_swings_and_settles_where_the_theory_of_the_chain_does(name: s
     event = session.reading().breaks_at
     assert event is not None
     session.set_target_force(0.5 * event.force)
-    ways, ticks = [0.0], 0
+    deflections, ticks = [0.0], 0
     assert session.chain is not None
     stable = session.chain._chain.largest_stable_step
     assert TICK_SECONDS / stable < 360  # steps in a tick, a few microseconds each
     while session.advance():
-        ways.append(session.chain.deflection)
+        deflections.append(session.chain.deflection)
         ticks += 1
         assert ticks < 900
-    rest = ways[-1]
+    rest = deflections[-1]
     settled = (
         MassSpring(nodes=21)
         .pull(session.tissue.dissection.beam, 0.5 * session.tissue.dissection.beam.span)
@@ -153,7 +153,7 @@ def test_the_chain_swings_and_settles_where_the_theory_of_the_chain_does(name: s
         .deflection
     )
     assert rest == pytest.approx(settled, rel=5e-3)
-    assert max(ways) > 1.01 * rest  # it overshoots, as the duct does not
+    assert max(deflections) > 1.01 * rest  # it overshoots, as the duct does not
     places = session.chain.places
     assert places.shape == (21, 3)
     assert np.all(places[:, 1] == 0.0)
@@ -166,13 +166,13 @@ def test_a_small_swing_has_the_period_that_it_is_slowed_to(session: Session) -> 
     chain = SwingingChain(session.tissue.dissection.beam, 25.4)
     assert chain.slowed > 10.0
     chain.start_from(0.02)
-    ways = []
+    deflections = []
     while chain.advance(Load("force", 0.0)):
-        ways.append(chain.deflection)
-    crossings = np.flatnonzero(np.diff(np.sign(ways)) != 0)
+        deflections.append(chain.deflection)
+    crossings = np.flatnonzero(np.diff(np.sign(deflections)) != 0)
     half = float(np.diff(crossings[:2])[0]) / 30.0
     assert half == pytest.approx(0.5 / SWINGS_PER_SECOND, abs=1.5 / 30.0)
-    assert abs(ways[-1]) < 0.2 * 0.02
+    assert abs(deflections[-1]) < 0.2 * 0.02
 
 
 def test_the_chain_is_led_by_a_hand_and_set_anew_for_another_grasp(session: Session) -> None:

@@ -73,15 +73,15 @@ def test_the_hand_never_outruns_its_speed_and_arrives_without_a_jolt(session: Se
     session.set_threshold(session.planar.threshold_range[1])
     session.grab(0, 25.4)
     session.lift(12.0)
-    ways = [0.0]
+    distances = [0.0]
     while session.advance():
-        ways.append(session.reading().deflection)
-    speeds = np.diff(ways) / TICK_SECONDS
+        distances.append(session.reading().deflection)
+    speeds = np.diff(distances) / TICK_SECONDS
     assert speeds.max() <= HAND_SPEED * (1.0 + 1e-9)
     assert speeds.max() > 0.9 * HAND_SPEED
     assert speeds.min() > -1e-9  # it does not overshoot
-    assert ways[-1] == 12.0
-    assert len(ways) < 30  # within a second
+    assert distances[-1] == 12.0
+    assert len(distances) < 30  # within a second
 
 
 def test_a_drag_sent_twenty_times_a_second_moves_evenly_at_thirty() -> None:
@@ -287,7 +287,7 @@ def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(
     session = pull_session(phantom(), vertices=300)
     most = 4.0 * session.planar.force_limit  # a hand may pull harder than the slider
     torn = False
-    for name, part, ticks in inputs:
+    for name, inputs_, ticks in inputs:
         scale = {
             "set_target_force": session.planar.force_limit,
             "grab": session.tissue.dissection.beam.span,
@@ -296,9 +296,9 @@ def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(
             "set_threshold": session.planar.threshold_range[1],
         }
         if name == "grab":
-            session.grab(0, part * scale[name])
+            session.grab(0, inputs_ * scale[name])
         elif name in scale:
-            getattr(session, name)(part * scale[name])
+            getattr(session, name)(inputs_ * scale[name])
         else:
             getattr(session, name)()
         torn = torn and name != "reset"

@@ -163,8 +163,8 @@ def test_a_state_that_is_none_is_left_and_said(bad: str | bytes, says: str) -> N
     device, into = service.opened(), DeviceState()
     assert device.exchange(STILL, into)
     assert not device.exchange(STILL, into)
-    said = device.trouble() or ""
-    assert any(word in said for word in says.split("|")), said
+    output = device.trouble() or ""
+    assert any(word in output for word in says.split("|")), output
     assert device.trouble() is None
     assert into.position[2] == 0.15
     assert any(device.exchange(STILL, into) for _ in range(2))  # back from a jump is another one
@@ -174,9 +174,9 @@ def test_a_state_that_is_none_is_left_and_said(bad: str | bytes, says: str) -> N
 def test_the_button_of_a_wired_grip_and_states_that_leave_out_what_is_usual_are_read() -> None:
     message = json.loads(state())
     message["verse_grip"] = [json.loads(pages.WIRED_GRIP)]
-    grip, told = message["verse_grip"][0]["state"], message["inverse3"][0]["state"]
-    told["transform"] = {}  # its members are left out where they are the identity
-    del told["current_angular_torques"], told["body_orientation"]
+    grip, reported = message["verse_grip"][0]["state"], message["inverse3"][0]["state"]
+    reported["transform"] = {}  # its members are left out where they are the identity
+    del reported["current_angular_torques"], reported["body_orientation"]
 
     def answer(number: int, _: bytes) -> list[str]:
         grip["button"] = number % 2 == 1
@@ -267,12 +267,12 @@ def test_no_answer_at_all_is_no_hang_and_no_force() -> None:
     service = Service(lambda number, _: [] if number else [state()])
     device, into = service.opened(), DeviceState()
     assert device.exchange(STILL, into)
-    begun, said = service.now, list[str | None]()
+    begun, output = service.now, list[str | None]()
     for _ in range(250):
         assert not device.exchange(np.array([0.0, 0.0, 1.0]), into)
-        said.append(device.trouble())
+        output.append(device.trouble())
     assert service.now - begun < 250 * 0.0042
-    assert set(said) == {"no state within 4 ms"}
+    assert set(output) == {"no state within 4 ms"}
     assert forces_heard(service)[1] == 1.0
     assert not any(forces_heard(service)[2:])
 

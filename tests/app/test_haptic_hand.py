@@ -48,14 +48,14 @@ class Servo:
     ended: str | None = None
     not_rendered: str | None = None
     hands: int = 1
-    felt: list[HapticSetting | None] = field(default_factory=list[HapticSetting | None])
+    rendered: list[HapticSetting | None] = field(default_factory=list[HapticSetting | None])
     now: Snapshot = field(default_factory=lambda: Snapshot(0, False, (hook(),)))
     stopped: bool = False
 
-    def feel(self, setting: HapticSetting | None) -> int:
-        self.felt.append(setting)
-        self.now = Snapshot(len(self.felt), False, (hook(),))
-        return len(self.felt)
+    def render(self, setting: HapticSetting | None) -> int:
+        self.rendered.append(setting)
+        self.now = Snapshot(len(self.rendered), False, (hook(),))
+        return len(self.rendered)
 
     def pull(self, deflection: float, *, torn: bool = False) -> None:
         self.now = replace(self.now, hooks=(hook(deflection),), torn=torn)
@@ -67,7 +67,7 @@ class Servo:
         self.stopped = True
 
 
-def said(state: PageState) -> list[str]:
+def messages(state: PageState) -> list[str]:
     """What the page was told, newest last."""
     calls = cast(MagicMock, state.client).add_notification.call_args_list
     return [call.args[1] for call in calls]
@@ -96,7 +96,7 @@ def test_the_hand_leads_the_session_and_the_run_is_made_again(
 ) -> None:
     hand, servo, page = led
     assert page.device == "a spoon"
-    assert servo.felt == [setting_of(page.session)]
+    assert servo.rendered == [setting_of(page.session)]
     servo.pull(0.2)
     go(hand, page)
     assert not page.session.run.started  # a touch begins no run
@@ -127,10 +127,10 @@ def test_a_tear_to_the_hand_is_one_in_the_session_and_a_new_duct_is_felt_anew(
     assert reading.phase is not Phase.INTACT
     assert reading.breaks_at is not None
     assert reading.breaks_at.force == pytest.approx(3.5586, rel=1e-3)
-    assert len(servo.felt) == 1
+    assert len(servo.rendered) == 1
     page.session.reset()
     go(hand, page, 2)
-    assert len(servo.felt) == 2
+    assert len(servo.rendered) == 2
     assert page.session.reading().phase is Phase.INTACT
 
 
@@ -141,7 +141,7 @@ def test_what_the_session_solves_is_what_is_felt(led: tuple[HapticHand, Servo, P
     page.session.set_grasp(18.0)
     page.session.advance()
     go(hand, page, 1)
-    newest = servo.felt[-1]
+    newest = servo.rendered[-1]
     assert isinstance(newest, DuctSetting)
     assert (newest.theory, newest.grasp) == (Exact(), 18.0)
     servo.now = replace(old, hooks=(hook(9.0),))  # of the duct that was felt before
@@ -149,12 +149,12 @@ def test_what_the_session_solves_is_what_is_felt(led: tuple[HapticHand, Servo, P
     assert not page.session.run.started
     page.set_paused(True)
     go(hand, page, 1)
-    assert servo.felt[-1] is None  # no force while time stands still
+    assert servo.rendered[-1] is None  # no force while time stands still
     page.set_paused(False)
     servo.not_rendered = "theory string cannot be felt"
     page.session.choose_theory(TautString())
     go(hand, page, 3)
-    assert said(page).count("The device has no force: theory string cannot be felt.") == 1
+    assert messages(page).count("The device has no force: theory string cannot be felt.") == 1
 
 
 def test_a_device_that_ends_gives_the_hook_back(led: tuple[HapticHand, Servo, PageState]) -> None:
@@ -164,7 +164,7 @@ def test_a_device_that_ends_gives_the_hook_back(led: tuple[HapticHand, Servo, Pa
     servo.ended = "the service has gone"
     go(hand, page, 3)
     assert page.device is None
-    assert said(page)[-1] == "The service has gone. The mouse has the hook again."
+    assert messages(page)[-1] == "The service has gone. The mouse has the hook again."
     other = pulling()
     hand.attend(other)
     assert other.device is None
@@ -250,15 +250,17 @@ def test_a_device_frees_a_duct_from_its_bed_and_the_run_is_made_again() -> None:
     assert state.hand == 1  # the mouse has the other hand
     assert not session.run.started
     dissect(hand, servo, state, 2.25)
-    reading, (felt,) = session.reading(), servo.snapshot().hooks
+    reading, (chosen_settings,) = session.reading(), servo.snapshot().hooks
     assert reading.holding == (True, False)
     assert reading.broken > 100
     # What is felt is what is shown, which follows two ticks later.
     assert servo.loop.model.torn is False
     model = cast(Any, servo.loop.model)
     assert model.parted == pytest.approx(reading.broken, rel=0.02)
-    assert np.linalg.norm(felt.force) == pytest.approx(np.linalg.norm(reading.forces[0]), rel=0.05)
-    assert np.linalg.norm(felt.tip - session.spatial.hands[0].place) < 0.1
+    assert np.linalg.norm(chosen_settings.force) == pytest.approx(
+        np.linalg.norm(reading.forces[0]), rel=0.05
+    )
+    assert np.linalg.norm(chosen_settings.tip - session.spatial.hands[0].place) < 0.1
     assert servo.largest_change < 0.05  # N in a millisecond
     dissect(hand, servo, state, 1.5)
     assert session.reading().holding == (False, False)
@@ -284,7 +286,7 @@ def test_the_mouse_helps_with_the_other_hand_and_the_device_feels_it() -> None:
     ):
         asked()
         assert session.reading().holding == (True, False)
-    assert said(state)[-2:] == [
+    assert messages(state)[-2:] == [
         "The hand on the device has this hook (a virtual device).",
         "Release the button of the device.",
     ]
@@ -295,10 +297,12 @@ def test_the_mouse_helps_with_the_other_hand_and_the_device_feels_it() -> None:
         state.nudge(np.array([0.0, 0.0, 0.5]))
         dissect(hand, servo, state, 0.1)
     dissect(hand, servo, state, 0.3)
-    reading, (felt,) = session.reading(), servo.snapshot().hooks
+    reading, (chosen_settings,) = session.reading(), servo.snapshot().hooks
     assert reading.holding == (True, True)
     assert reading.forces[0][2] < -0.05  # it holds the duct down
-    assert felt.force == pytest.approx(reading.forces[0], abs=0.1 * abs(reading.forces[0][2]))
+    assert chosen_settings.force == pytest.approx(
+        reading.forces[0], abs=0.1 * abs(reading.forces[0][2])
+    )
     assert cast(Any, servo.loop.model).parted == pytest.approx(reading.broken, rel=0.05)
     assert servo.largest_change < 0.05
     # A dissector parts strands in what is felt as in what is shown.
@@ -329,8 +333,10 @@ def test_two_devices_have_both_hands_and_keys_take_the_duct_where_there_is_no_bu
     reading = session.reading()
     assert reading.holding == (True, True)
     assert min(z for _, _, z in reading.forces) > 0.1
-    for felt, shown in zip(servo.snapshot().hooks, reading.forces, strict=True):
-        assert felt.force == pytest.approx(shown, abs=0.05 * float(np.linalg.norm(shown)))
+    for chosen_settings, shown in zip(servo.snapshot().hooks, reading.forces, strict=True):
+        assert chosen_settings.force == pytest.approx(
+            shown, abs=0.05 * float(np.linalg.norm(shown))
+        )
     state.take_or_let_go()
     dissect(hand, servo, state, 0.2)
     assert session.reading().holding == (False, True)
@@ -397,19 +403,19 @@ def test_a_servo_in_its_own_process_feels_what_it_is_told(monkeypatch: pytest.Mo
         assert hook.force[2] == pytest.approx(pulled.force, rel=1e-6)
         assert hook.peak >= hook.tip[2]
         # Felt anew, the duct is at rest where the hand is now.
-        generation = servo.feel(replace(setting, theory=Exact()))
+        generation = servo.render(replace(setting, theory=Exact()))
         until(lambda: servo.snapshot().generation == generation)
         assert servo.snapshot().hooks[0].tip[2] < 2.7  # what the hand, freed of it, goes on
         # And a duct in its bed, whose hook is free until a button takes it.
         bed = bed_session(phantom(), vertices=300)
         beam, touch = bed.beam_touched_by(1)
         tips = np.array([bed.spatial.hands[0].place])
-        generation = servo.feel(BedSetting(beam, tips, bed.spatial.threshold, touch))
+        generation = servo.render(BedSetting(beam, tips, bed.spatial.threshold, touch))
         until(lambda: servo.snapshot().generation == generation)
         assert servo.snapshot().hooks[0].station is None
         servo.lead(touch, [True])
         until(lambda: servo.snapshot().hooks[0].station == pytest.approx(tips[0, 0], abs=2.0))
-        servo.feel(replace(setting, theory=TautString()))
+        servo.render(replace(setting, theory=TautString()))
         until(lambda: servo.ended or servo.not_rendered)
         assert servo.not_rendered is not None
         assert "cannot be felt" in servo.not_rendered

@@ -40,12 +40,12 @@ def test_a_virtual_run_reports_records_and_is_made_again(tmp_path: Path) -> None
     hand.write_text(block("toml", "[hand]"))
     assert read_hand(hand).repeats
     report, record = tmp_path / "r.json", tmp_path / "run.json"
-    said = run_process(
+    message = run_process(
         *("haptics", "--device", "virtual", "--hand", hand, "--hold", "--seconds", 3),
         *("--report", report, "--record", record),
     ).stdout
     made: dict[str, Any] = json.loads(report.read_text())
-    assert "ended by           its time is over" in said
+    assert "ended by           its time is over" in message
     assert made["force_check"]["largest_error"] < 1e-6
     assert made["energy_mJ"]["residual_of_peak"] < 1e-6
     assert made["stale_periods"] == 0
@@ -86,9 +86,11 @@ def test_the_driver_of_haply_feels_the_virtual_device_until_a_signal() -> None:
         try:
             assert serving.stdout is not None
             address = serving.stdout.readline().split()[-1]
-            feel = command("haptics", "--device", "haply", "--address", address, "--hold", "--json")
+            render = command(
+                "haptics", "--device", "haply", "--address", address, "--hold", "--json"
+            )
             with subprocess.Popen(
-                feel, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+                render, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
             ) as feeling:
                 assert serving.stdout.readline() == "client 1 has come\n"
                 feeling.send_signal(signal.SIGTERM)  # whether it compiles or feels
@@ -165,7 +167,7 @@ def test_a_driver_is_written_in_forty_lines() -> None:
 
 
 def test_the_published_commands_have_our_options() -> None:
-    said = run_process("haptics", "--help").stdout
+    message = run_process("haptics", "--help").stdout
     commands = block("sh", "--serve-virtual")
     for option in set(re.findall(r"--[a-z-]+", commands)) - {"--haptics"}:
-        assert option in said
+        assert option in message

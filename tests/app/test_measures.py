@@ -131,10 +131,10 @@ def test_the_rate_of_loading_is_the_fastest_growth_within_a_tenth_of_a_second_of
 def test_the_rates_of_a_series_are_those_that_are_measured() -> None:
     session = pull_session(phantom(), vertices=300)
     session.grab(0, 25.4)
-    for way in (2.0, 7.0, 4.0, 8.0):
-        session.lift(way)
+    for lift in (2.0, 7.0, 4.0, 8.0):
+        session.lift(lift)
         session.advance(9)
-        if way == 4.0:
+        if lift == 4.0:
             session.release()
             session.advance(4)
             session.grab(0, 25.4)

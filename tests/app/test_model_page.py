@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import PATIENCE, TrainerPage, newest, trainer_page
-from own_organ import said
+from own_organ import printed
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
@@ -25,7 +25,7 @@ def own_trainer(tube_file: Path) -> Iterator[Trainer]:
 
 
 def solved(*arguments: object) -> dict[str, float]:
-    return json.loads(said("solve", *arguments, "--json"))
+    return json.loads(printed("solve", *arguments, "--json"))
 
 
 def saved(tab: TrainerPage) -> Path:
@@ -104,7 +104,7 @@ def test_page_and_solve_show_the_same_digits(
             ("breaks-at-n", "breaks_at_N", 1.0),
         ):
             expect(tab.readout).to_have_attribute(f"data-{shown}", f"{scale * found[of]:.6g}")
-        words = said("solve", *given)
+        words = printed("solve", *given)
         assert f"{tab.figure('threshold-kpa'):.6g} kPa" in words
         assert f"{tab.figure('breaks-at-n'):.6g} N" in words
         # Beside the distance, the band of ducts whose tissue differs.
@@ -173,7 +173,7 @@ def test_figures_that_are_typed_show_what_changes_and_go_through_a_file(
         tab.wait_until(lambda: session.tissue.dissection.preset == preset)
         expect(wall).to_have_value("0.8")  # from here on the trainer writes no field any more
         expect(duct).to_contain_text("outline with a wall of 0.8 mm")
-        # What cannot be is said, and not taken.
+        # What cannot be is printed, and not taken.
         tab.slide("Wall (mm)", 9.0)
         wrong = tab.page.get_by_test_id("figures-wrong")
         expect(wrong).to_contain_text("a wall of 9 mm is thicker than the organ")

@@ -56,8 +56,8 @@ def test_a_ureter_is_nicked_before_it_parts_and_so_in_its_replay(tmp_path: Path)
     assert replay.run_file().agrees_with(run)
     series = replay.series()
     assert series["duct_nicked"][-1] == 1.0
-    part = (series["duct_nicked"] > 0.0) & (series["duct_nicked"] < 1.0)
-    height = series["duct_nick_mm"][part] / series["duct_nicked"][part]
+    partly = (series["duct_nicked"] > 0.0) & (series["duct_nicked"] < 1.0)
+    height = series["duct_nick_mm"][partly] / series["duct_nicked"][partly]
     assert np.allclose(height, height[0], rtol=1e-12)
     assert height[0] == pytest.approx(tissue.beam.nicks_of()[0].height, rel=1e-12)
     # The errors name it, and the exports have its depth at the same times.

@@ -112,7 +112,7 @@ def test_a_tiff_whose_pages_go_round_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("files", "said"),
+    ("files", "message"),
     [
         ({"../a.png": png()}, "leads out"),
         ({"x/../../a.png": png()}, "leads out"),
@@ -143,11 +143,11 @@ def test_a_tiff_whose_pages_go_round_is_refused() -> None:
     ],
 )
 def test_hostile_zips_are_refused_in_one_line(
-    files: dict[str, bytes], said: str, tmp_path: Path
+    files: dict[str, bytes], message: str, tmp_path: Path
 ) -> None:
     place = tmp_path / "place"
     place.mkdir()
-    with pytest.raises(UploadRefusedError, match=said) as refusal:
+    with pytest.raises(UploadRefusedError, match=message) as refusal:
         unpack_upload("scan.zip", zipped(files), place, BOUNDS)
     assert "\n" not in str(refusal.value)
     assert len(str(refusal.value)) < 250
@@ -327,9 +327,9 @@ def test_a_volume_gives_the_bytes_of_compress(
     assert built.doubts
     (tmp_path / sent[0]).write_bytes(sent[1])
     job = StackJob(tmp_path / sent[0], tmp_path / "duct.organ")
-    said = compress_stack(job)
+    message = compress_stack(job)
     assert built.organ.encoded == job.output.read_bytes()
-    assert said.doubts == built.doubts
+    assert message.doubts == built.doubts
 
 
 def test_a_header_and_its_voxels_are_read_of_a_zip(bench: OrganWorkbench, tmp_path: Path) -> None:

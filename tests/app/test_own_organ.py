@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from own_organ import DISTANCE, IMAGES, built_bar, said
+from own_organ import DISTANCE, IMAGES, built_bar, printed
 from program import refused, run
 from simulated import phantom, pull_session
 
@@ -16,7 +16,7 @@ from organ_geometry.organ_file import read_organ
 from physics import THEORIES
 
 MODULUS, STRENGTH = 0.310264, 0.2115
-"""Of an organ that nobody has said anything about, MPa."""
+"""Of an organ that nobody has printed anything about, MPa."""
 
 
 def curve(organ: Path, *options: object) -> np.ndarray:
@@ -46,7 +46,7 @@ def test_a_bar_twice_as_thick_is_sixteen_times_as_stiff(tmp_path: Path) -> None:
 
 
 def test_a_hollow_bar_from_images_is_a_ring(tube_file: Path) -> None:
-    found = json.loads(said("solve", "--organ", tube_file, "--force", 0.01, "--json"))
+    found = json.loads(printed("solve", "--organ", tube_file, "--force", 0.01, "--json"))
     assert found["area_mm2"] == pytest.approx(math.pi * (16.0 - 6.25), rel=0.03)
     assert found["second_moment_mm4"] == pytest.approx(math.pi / 4.0 * (256.0 - 2.5**4), rel=0.03)
     assert found["fibre_distance_mm"] == pytest.approx(4.0, rel=0.02)
@@ -56,7 +56,7 @@ def test_a_hollow_bar_from_images_is_a_ring(tube_file: Path) -> None:
 
 
 def test_the_thesis_s_bar_on_another_organ_says_so(tube_file: Path, tmp_path: Path) -> None:
-    done = said("export", tube_file, "-o", tmp_path / "a.csv", "--preset", "thesis-bile-duct")
+    done = printed("export", tube_file, "-o", tmp_path / "a.csv", "--preset", "thesis-bile-duct")
     assert (
         "a full round bar, 50.8 mm between the clamps, 8.89 mm thick; not the organ's own" in done
     )
@@ -80,10 +80,10 @@ def test_page_solve_and_export_agree_to_the_digit(
     which = () if bar else ("--organ", file)
     event = session.reading().breaks_at
     force = 0.5 * (session.planar.force_limit / 1.5 if event is None else event.force)
-    solved = json.loads(said("solve", *which, *given, "--force", repr(force)))
+    solved = json.loads(printed("solve", *which, *given, "--force", repr(force)))
     path = tmp_path / "curve.csv"
     exported = json.loads(
-        said("export", file, "-o", path, *given, "--frames", 3, "--force", repr(force))
+        printed("export", file, "-o", path, *given, "--frames", 3, "--force", repr(force))
     )
     assert session.tissue.threshold == solved["threshold_MPa"] == exported["threshold_MPa"]
     found = None if event is None else event.force

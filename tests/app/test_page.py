@@ -527,12 +527,12 @@ def test_a_result_stands_beside_earlier_tries_and_a_scripted_expert(
         better = table.locator("[data-better]").evaluate_all(
             "rows => Object.fromEntries(rows.map(row => [row.dataset.measure, row.dataset.better]))"
         )
-        assert {name for name, way in better.items() if way == "higher"} == {
+        assert {name for name, direction in better.items() if direction == "higher"} == {
             "economy_of_motion",
             "smoothness",
             "smallest_distance_to_break",
         }
-        assert {name for name, way in better.items() if way == ""} == set()
+        assert {name for name, direction in better.items() if direction == ""} == set()
         row = table.locator("[data-measure=maximum_loading_rate_N_per_s] td")
         stay = gentle.goal
         assert isinstance(stay, Stay)
@@ -797,10 +797,10 @@ def test_a_page_whose_session_is_gone_after_a_restart_is_told_so(browser: Browse
         with trainer_page(browser, first.address) as tab:
             first.stop()
             first = Trainer(phantom(), port=port, scene="free", look="plain")
-            told = tab.page.get_by_role("alert").filter(has_text="A new duct")
-            expect(told).to_contain_text("the trainer was started anew")
+            reported = tab.page.get_by_role("alert").filter(has_text="A new duct")
+            expect(reported).to_contain_text("the trainer was started anew")
             tab.page.reload()  # its new session is known: nothing to tell
             tab.wait_for_node("skin")
-            expect(told).to_have_count(0)
+            expect(reported).to_have_count(0)
     finally:
         first.stop()

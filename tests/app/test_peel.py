@@ -62,9 +62,9 @@ ROW = {
 }
 
 
-def scene(folder: Path, *parts: str) -> Path:
+def scene(folder: Path, *sections: str) -> Path:
     path = folder / "scene.toml"
-    path.write_text("\n".join(parts))
+    path.write_text("\n".join(sections))
     return path
 
 
@@ -202,7 +202,7 @@ def test_the_end_of_an_arc_is_held_by_its_length_to_some_digits(tmp_path: Path, 
 
 
 @pytest.mark.parametrize(
-    ("parts", "said"),
+    ("sections", "output"),
     [
         ((BEAM, BED), "needs a [[hand]] or a [[rod]]"),
         ((BEAM, BED.replace("0.12", "0.0"), HAND), "toughness of a bed must be above 0"),
@@ -227,21 +227,21 @@ def test_the_end_of_an_arc_is_held_by_its_length_to_some_digits(tmp_path: Path, 
         (("[beam", BED, HAND), "scene.toml"),
     ],
 )
-def test_refuses_what_is_wrong(tmp_path: Path, parts: tuple[str, ...], said: str) -> None:
+def test_refuses_what_is_wrong(tmp_path: Path, sections: tuple[str, ...], output: str) -> None:
     table = tmp_path / "history.csv"
-    message = refused(["peel", scene(tmp_path, *parts), "-o", table])
-    assert said in message
+    message = refused(["peel", scene(tmp_path, *sections), "-o", table])
+    assert output in message
     assert not table.exists()
 
 
 def test_refuses_a_file_that_is_no_scene(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
-    for content, said in (
+    for content, output in (
         (b"#" * 20_000_001, "is no scene: it has more than 20,000,000 bytes"),
         (b"\xff\xfe", "scene.toml: it is not text"),
     ):
         path.write_bytes(content)
-        assert said in refused(["peel", path])
+        assert output in refused(["peel", path])
 
 
 def test_refuses_a_load_that_nothing_holds(tmp_path: Path) -> None:
@@ -285,13 +285,13 @@ def test_solve_pulls_a_duct_off_its_bed(tmp_path: Path) -> None:
     assert 5.0 < found["distance_to_break_percent"] < 30.0
     assert found["residual_ratio"] < 1e-4
     assert table.read_text().splitlines()[0].endswith("distance_to_break_percent")
-    said = run("solve", "--bed", "loose", "--lift", 2, "--steps", 4, "--elements", 40).stdout
-    assert "strands broken" in said
-    assert "distance to break" in said
+    output = run("solve", "--bed", "loose", "--lift", 2, "--steps", 4, "--elements", 40).stdout
+    assert "strands broken" in output
+    assert "distance to break" in output
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "output"),
     [
         (("--bed", "rock", "--lift", 3), "unknown bed 'rock'"),
         (("--bed", "firm"), "either --lift"),
@@ -304,8 +304,8 @@ def test_solve_pulls_a_duct_off_its_bed(tmp_path: Path) -> None:
         (("--preset", "thesis-bile-duct", "--force", 2, "--hook", 31), "--hook go with --bed"),
     ],
 )
-def test_solve_refuses_what_is_wrong(options: tuple[object, ...], said: str) -> None:
-    assert said in refused(["solve", *options])
+def test_solve_refuses_what_is_wrong(options: tuple[object, ...], output: str) -> None:
+    assert output in refused(["solve", *options])
 
 
 def test_help_names_every_bed_and_each_has_its_source() -> None:
@@ -404,7 +404,7 @@ def test_a_network_of_one_tube_is_the_beam_on_its_bed(tmp_path: Path, time: str)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "output"),
     [
         (
             'to = "duct"\nat',
@@ -421,18 +421,18 @@ def test_a_network_of_one_tube_is_the_beam_on_its_bed(tmp_path: Path, time: str)
         ('[[tube]]\nname = "duct"', BEAM + '[[tube]]\nname = "duct"', "no [beam], [bed] or"),
     ],
 )
-def test_refuses_networks_that_cannot_be(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_refuses_networks_that_cannot_be(tmp_path: Path, old: str, new: str, output: str) -> None:
     assert old in NETWORK
-    assert said in refused(["peel", scene(tmp_path, NETWORK.replace(old, new, 1))])
+    assert output in refused(["peel", scene(tmp_path, NETWORK.replace(old, new, 1))])
 
 
 def test_older_keys_of_a_scene_are_read_and_give_the_same(tmp_path: Path) -> None:
     present = (BEAM, BED + "floor_N_per_mm2 = 0.1\nbilateral = true\n", HAND)
     older = [
-        part.replace("_N_per_mm2", "_N_mm2").replace("bilateral", "two_sided")
+        section.replace("_N_per_mm2", "_N_mm2").replace("bilateral", "two_sided")
         .replace("bending_stiffness_N_mm2", "bending_stiffness_Nmm2")
         .replace("torsion_stiffness_N_mm2", "torsion_stiffness_Nmm2")
-        for part in present
+        for section in present
     ]  # fmt: skip
     assert older[0] != present[0]
     assert older[1] != present[1]

@@ -89,5 +89,5 @@ def test_a_policy_leads_the_right_hand_and_then_is_a_ghost(
 def test_the_command_refuses_what_is_no_policy_of_it(tmp_path: Path) -> None:
     path = tmp_path / "policy.onnx"
     linear(path, np.zeros((10, 27)), np.zeros(10), ("hands", [1, 3, 9]))
-    said = refused(("trainer", "--port", 0, "--policy", path))
-    assert f"{path}: the policy sees 'hands' of shape 1x3x9; here it is 1x2x12" in said
+    message = refused(("trainer", "--port", 0, "--policy", path))
+    assert f"{path}: the policy sees 'hands' of shape 1x3x9; here it is 1x2x12" in message

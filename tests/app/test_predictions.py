@@ -81,7 +81,7 @@ def test_the_peel_s_energy_follows_from_its_force(found: list[Prediction]) -> No
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('unit = "N"\n', "", "Object missing required field `unit`"),
         ('unit = "N"\n', 'unit = "lbf"\n', "unit of force must be N, got 'lbf'"),
@@ -96,16 +96,16 @@ def test_the_peel_s_energy_follows_from_its_force(found: list[Prediction]) -> No
         ('law = "neo-hooke"', 'law = "gum"', "Invalid enum value 'gum'"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_named(old: str, new: str, said: str, tmp_path: Path) -> None:
+def test_what_is_wrong_in_a_file_is_named(old: str, new: str, message: str, tmp_path: Path) -> None:
     text = FORCE.read_text()
     assert old in text
     path = tmp_path / "mine.toml"
     path.write_text(text.replace(old, new, 1))
-    assert said in refused(["validate", "--experiment", path])
+    assert message in refused(["validate", "--experiment", path])
 
 
 def test_the_command_predicts_one_experiment() -> None:
-    said = run("validate", "--experiment", FORCE).stdout
-    assert "4.8 (1.47) N, n = 10" in said
-    assert "z                  -0.7" in said
+    message = run("validate", "--experiment", FORCE).stdout
+    assert "4.8 (1.47) N, n = 10" in message
+    assert "z                  -0.7" in message
     assert "writes no page" in refused(["validate", "--experiment", FORCE, "-o", "docs"])

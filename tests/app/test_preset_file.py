@@ -1,4 +1,4 @@
-"""Preset files: what is written is read again, what is wrong is said, and runs keep theirs."""
+"""Preset files: what is written is read again, what is wrong is printed, and runs keep theirs."""
 
 import json
 import tomllib
@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from own_organ import said
+from own_organ import printed
 from program import refused
 from simulated import phantom, pull, pull_session, replayed, tear
 
@@ -75,11 +75,11 @@ def test_every_command_takes_a_file(tube_file: Path, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_bytes(preset_toml(OWN))
     options = ("--preset", file, "--json")
-    found = json.loads(said("solve", "--organ", tube_file, "--force", 0.01, *options))
+    found = json.loads(printed("solve", "--organ", tube_file, "--force", 0.01, *options))
     assert found["preset"] == "mine"
     assert found["threshold_MPa"] == OWN.break_stress_MPa
     assert found["span_mm"] == 40.0
-    made = json.loads(said("export", tube_file, "-o", tmp_path / "a.csv", *options))
+    made = json.loads(printed("export", tube_file, "-o", tmp_path / "a.csv", *options))
     assert made["preset"] == "mine"
     assert made["breaks_at_N"] == found["breaks_at_N"]
     assert "own outline with a wall of 0.7 mm" in made["section"]
@@ -199,9 +199,9 @@ def test_a_run_with_a_bad_preset_of_its_own_is_refused() -> None:
 def test_runs_of_before_still_play(name: str) -> None:
     """Made before presets could be one's own, and before beams could vary."""
     content = (Path(__file__).parent / "older_runs" / f"{name}.json").read_bytes()
-    told = json.loads(content)["measures"]["tear"]
+    reported = json.loads(content)["measures"]["tear"]
     again = replayed(read_run(content), phantom()).metrics["tear"]
     assert again is not None
-    assert again["time_s"] == told["time_s"]
-    assert again["force_N"] == pytest.approx(told["force_N"], rel=1e-9)
-    assert again["threshold_MPa"] == pytest.approx(told["threshold_MPa"], rel=1e-9)
+    assert again["time_s"] == reported["time_s"]
+    assert again["force_N"] == pytest.approx(reported["force_N"], rel=1e-9)
+    assert again["threshold_MPa"] == pytest.approx(reported["threshold_MPa"], rel=1e-9)

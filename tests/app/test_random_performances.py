@@ -33,7 +33,7 @@ def numbers(low: float, high: float) -> st.SearchStrategy[float]:
 
 
 places = st.tuples(numbers(20.0, 60.0), numbers(-5.0, 30.0), numbers(-8.0, 15.0))
-ways = st.tuples(numbers(-6.0, 6.0), numbers(-6.0, 6.0), numbers(-2.0, 6.0))
+offsets = st.tuples(numbers(-6.0, 6.0), numbers(-6.0, 6.0), numbers(-2.0, 6.0))
 directions = st.tuples(numbers(-1.0, 1.0), numbers(-1.0, 1.0), numbers(0.1, 1.0))
 hands: st.SearchStrategy[Literal[1, 2]] = st.sampled_from((1, 2))
 speeds = numbers(10.0, 60.0)
@@ -56,8 +56,8 @@ def held(draw: st.DrawFn) -> list[Step]:
         Step(do="take", hand=hand, instrument=draw(st.sampled_from(HOLDING))),
         Step(do="grab", hand=hand, tube=tube, at_mm=draw(numbers(0.0, SPANS[tube]))),
         *(
-            Step(do="lead", hand=hand, by_mm=way, speed_mm_s=draw(speeds))
-            for way in draw(st.lists(ways, min_size=1, max_size=3))
+            Step(do="lead", hand=hand, by_mm=offset, speed_mm_s=draw(speeds))
+            for offset in draw(st.lists(offsets, min_size=1, max_size=3))
         ),
     ]
     return steps + [Step(do="release", hand=hand)] * draw(st.integers(0, 1))
@@ -86,7 +86,7 @@ def parted(draw: st.DrawFn) -> list[Step]:
 
 
 scripts = st.lists(st.one_of(held(), parted()), min_size=1, max_size=3).map(
-    lambda parts: Script(step=[step for part in parts for step in part])
+    lambda groups: Script(step=[step for group in groups for step in group])
 )
 
 

@@ -84,7 +84,7 @@ def test_a_scene_with_time_relaxes_while_its_hand_waits(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("time", "said"),
+    ("time", "message"),
     [
         ("step_s = 1.0", r"\[time\] needs strands or wall"),
         ('step_s = 0.0\nstrands = "areolar"', r"step_s of \[time\] must be above 0 s"),
@@ -106,11 +106,11 @@ def test_a_scene_with_time_relaxes_while_its_hand_waits(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_an_impossible_time_is_one_sentence(tmp_path: Path, time: str, said: str) -> None:
+def test_an_impossible_time_is_one_sentence(tmp_path: Path, time: str, message: str) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(f"{SCENE}\n[time]\n{time}\n")
-    said_of = refused(["peel", path])
-    assert re.search(said, said_of), said_of
+    refusal = refused(["peel", path])
+    assert re.search(message, refusal), refusal
 
 
 def test_a_duct_that_is_held_in_its_bed_comes_back_from_its_break() -> None:
@@ -128,12 +128,12 @@ def test_a_duct_that_is_held_in_its_bed_comes_back_from_its_break() -> None:
     before = re.search(r"before the hold: \S+ N, distance to break (\S+) %", held["notes"][-1])
     assert before is not None
     assert float(before[1]) == pytest.approx(left[0], abs=0.005)
-    for wrong, said in (
+    for wrong, message in (
         (("--hold", 10), "--hold goes with --lift and --step-seconds"),
         (("--until", 100), "--until goes with --lift and must be above 0 and below 100 %"),
         (("--step-seconds", -1), "--step-seconds must be above 0 s"),
     ):
-        assert said in refused(["solve", *path, *wrong])
+        assert message in refused(["solve", *path, *wrong])
 
 
 def test_a_lift_ends_at_a_distance_to_break_and_is_held_there() -> None:

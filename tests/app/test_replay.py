@@ -176,21 +176,21 @@ def test_an_unfinished_run_is_made_again_as_far_as_it_went() -> None:
 def test_any_run_is_made_again_to_the_bit(inputs: list[tuple[str, float, int]]) -> None:
     session = pull_session(phantom(), vertices=300)
     theories = (Cubic(), Exact(), TautString())
-    for kind, part, ticks in inputs:
+    for kind, data, ticks in inputs:
         if kind == "force":
-            session.set_target_force(part * session.planar.force_limit)
+            session.set_target_force(data * session.planar.force_limit)
         elif kind == "grab":
-            session.grab(0, part * 50.8)
+            session.grab(0, data * 50.8)
         elif kind == "lift":
-            session.lift(part * session.planar.deflection_limit)
+            session.lift(data * session.planar.deflection_limit)
         elif kind == "release":
             session.release()
         elif kind == "grasp":
-            session.set_grasp(part * 50.8)
+            session.set_grasp(data * 50.8)
         elif kind == "threshold":
-            session.set_threshold(part * session.planar.threshold_range[1])
+            session.set_threshold(data * session.planar.threshold_range[1])
         else:
-            session.choose_theory(theories[min(int(3 * part), 2)])
+            session.choose_theory(theories[min(int(3 * data), 2)])
         session.advance(ticks)
     if session.run.seconds == 0.0 and not session.reading().held:
         return
@@ -384,8 +384,8 @@ def test_a_long_drag_is_a_small_file_and_repeated_wishes_are_not_in_it() -> None
     session = pull_session(phantom(), vertices=300)
     session.grab(0, 25.4)
     for _ in range(100):
-        for part in (0.1, 0.2, 0.3):  # between two ticks only the last one counts
-            session.lift(part * session.planar.deflection_limit)
+        for data in (0.1, 0.2, 0.3):  # between two ticks only the last one counts
+            session.lift(data * session.planar.deflection_limit)
         session.set_grasp(25.4)
         session.advance()
     inputs = session.run_file().log.inputs
@@ -484,20 +484,20 @@ def test_the_command_prints_the_same_measures_to_the_digit(
     assert printed["metrics"] == original.metrics
     assert len((tmp_path / "run.csv").read_text().splitlines()) == original.log.ticks + 1
     replay(path)
-    said = capsys.readouterr().out
-    assert f"{original.metrics['maximum_force_N']!r} N" in said
-    assert f"{original.metrics['force_time_product_N_s']!r} N s" in said
-    assert "yes, to 12 digits" in said
+    message = capsys.readouterr().out
+    assert f"{original.metrics['maximum_force_N']!r} N" in message
+    assert f"{original.metrics['force_time_product_N_s']!r} N s" in message
+    assert "yes, to 12 digits" in message
 
 
 def test_the_command_says_what_an_exercise_was_done_with(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     replay(RUNS / "version_1_impulse.json")
-    said = capsys.readouterr().out
-    assert "sliders and keys allowed" in said
-    assert re.search(r"smoothness +too short", said)
-    assert "yes, to 12 digits" in said
+    message = capsys.readouterr().out
+    assert "sliders and keys allowed" in message
+    assert re.search(r"smoothness +too short", message)
+    assert "yes, to 12 digits" in message
     session = pull_session(phantom(), vertices=300)
     session.start_exercise(exercises_offered(session)[0])
     perform(session, CAREFUL)
@@ -533,9 +533,9 @@ def test_the_command_says_when_the_measures_are_others(
     forged = msgspec.structs.replace(original, metrics=original.metrics | {"maximum_force_N": 0.1})
     (tmp_path / "forged.json").write_bytes(run_json(forged))
     replay(tmp_path / "forged.json")
-    said = capsys.readouterr().out
-    assert f"{original.metrics['maximum_force_N']!r} N" in said
-    assert "yes" not in said.splitlines()[-1]
+    message = capsys.readouterr().out
+    assert f"{original.metrics['maximum_force_N']!r} N" in message
+    assert "yes" not in message.splitlines()[-1]
     assert path.exists()
 
 
@@ -551,13 +551,13 @@ def test_the_trainer_opens_on_no_run_that_it_cannot_play(
 ) -> None:
     file, _ = recorded
     options = ("trainer", "--port", 0, "--replay")
-    said = refused((*options, file, "--organ", tube_file))
-    assert f"--replay {file}: " in said
-    assert "organ" in said
+    message = refused((*options, file, "--organ", tube_file))
+    assert f"--replay {file}: " in message
+    assert "organ" in message
     (tmp_path / "no.json").write_text("{}")
     assert "not a run" in refused((*options, tmp_path / "no.json"))
     session = Session(Specimen.of_anatomy(anatomy_named("normal")))
     session.grab(0, 10.0)
     (tmp_path / "tubes.json").write_bytes(run_json(session.run_file()))
-    said = refused((*options, tmp_path / "tubes.json", "--scene", "bed"))
-    assert "this run needs --scene calot" in said
+    message = refused((*options, tmp_path / "tubes.json", "--scene", "bed"))
+    assert "this run needs --scene calot" in message

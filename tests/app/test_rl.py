@@ -89,9 +89,9 @@ def test_an_episode_is_a_run_that_replays_to_the_bit() -> None:
     while not over:  # to the duct's free end, take hold there, and up
         tip, held = observed["hands"][0, :3], observed["hands"][0, 6] > 0.0
         place = np.array([46.0, 0.0, 8.0 if held else 2.0])
-        way = np.clip((place - tip) / 2.0, -1.0, 1.0)
+        direction = np.clip((place - tip) / 2.0, -1.0, 1.0)
         grip = 1.0 if held or abs(46.0 - tip[0]) < 1.0 else -1.0
-        action = np.array([*way, 0.0, grip, 0.0, 0.0, 0.0, 0.0, -1.0], np.float32)
+        action = np.array([*direction, 0.0, grip, 0.0, 0.0, 0.0, 0.0, -1.0], np.float32)
         observed, _, terminated, truncated, info = env.step(action)
         over = terminated or truncated
     assert observed["hands"][0, 6] == 1.0

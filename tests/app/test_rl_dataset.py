@@ -74,14 +74,14 @@ def test_lerobot_s_files_hold_the_same_frames(made: Path) -> None:
     assert set(info["features"]) == set(table.column_names)
     for number, each in enumerate(episodes):
         start, end = each["dataset_from_index"], each["dataset_to_index"]
-        file, part = episode(made, number), table.slice(start, end - start)
-        assert np.array_equal(np.stack(part["action"].to_numpy()), file["actions"][:-1])
-        state = np.stack(part["observation.state"].to_numpy())
+        file, rows = episode(made, number), table.slice(start, end - start)
+        assert np.array_equal(np.stack(rows["action"].to_numpy()), file["actions"][:-1])
+        state = np.stack(rows["observation.state"].to_numpy())
         wanted = [file[key][:-1] for key in ("hands", "wall", "goal")]
         assert np.array_equal(state, np.concatenate(wanted, axis=1))
-        assert part["next.done"].to_pylist() == [*[False] * (end - start - 1), True]
+        assert rows["next.done"].to_pylist() == [*[False] * (end - start - 1), True]
         seconds = np.arange(end - start) / info["fps"]
-        assert part["timestamp"].to_numpy() == pytest.approx(seconds, abs=1e-6)
+        assert rows["timestamp"].to_numpy() == pytest.approx(seconds, abs=1e-6)
         assert each["stats/action/max"] == pytest.approx(file["actions"][:-1].max(axis=0))
 
 
@@ -182,9 +182,9 @@ def test_good_hands_pass_without_an_error_through_actions(exercise: str) -> None
 
 
 def test_bad_orders_are_refused_in_one_line(tmp_path: Path) -> None:
-    for words, said in (
+    for words, message in (
         (("--seeds", "9-3"), "--seeds must be FIRST-LAST, such as 1-20, got 9-3"),
         (("--exercise", "knot"), "exercise must be one of 'window'"),
         (("--seeds", "1", "--manner", "rude"), "hands that are good, hasty, clumsy, got 'rude'"),
     ):
-        assert said in refused(["dataset", "-o", tmp_path / "out", "--workers", 1, *words])
+        assert message in refused(["dataset", "-o", tmp_path / "out", "--workers", 1, *words])

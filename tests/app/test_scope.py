@@ -52,7 +52,7 @@ from physics.bed import SpaceBeam
 SCRIPTS = Path(__file__).parents[2] / "assets" / "scripts"
 TARGET = np.array([44.0, 8.0, 0.0])
 angles = st.floats(-1.0, 1.0)
-ways = st.floats(-math.pi, math.pi)
+directions = st.floats(-math.pi, math.pi)
 
 
 def scope(angle: float = 0.0) -> Laparoscope:
@@ -61,7 +61,9 @@ def scope(angle: float = 0.0) -> Laparoscope:
     return Laparoscope(straight.pivot, straight.base, angle)
 
 
-@given(angles, angles, st.floats(20.0, 200.0), ways, ways, st.sampled_from([0.0, OBLIQUE]))
+@given(
+    angles, angles, st.floats(20.0, 200.0), directions, directions, st.sampled_from([0.0, OBLIQUE])
+)
 @settings(deadline=None, max_examples=200)
 def test_the_shaft_passes_the_trocar(
     pan: float, tilt: float, depth: float, cable: float, head: float, angle: float
@@ -91,7 +93,7 @@ def test_turning_the_cable_swings_the_view_and_leaves_the_horizon() -> None:
     assert held.roll(Pose(head=0.3)) == pytest.approx(-0.3, abs=1e-12)
 
 
-@given(st.floats(-14, 14), st.floats(-14, 14), st.floats(-8, 8), st.floats(45, 90), ways)
+@given(st.floats(-14, 14), st.floats(-14, 14), st.floats(-8, 8), st.floats(45, 90), directions)
 @settings(deadline=None, max_examples=40)
 def test_look_has_the_target_in_the_middle(
     x: float, y: float, z: float, distance: float, cable: float

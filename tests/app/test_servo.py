@@ -56,7 +56,7 @@ def hand(path: tuple[Waypoint, ...] = THERE_AND_BACK, *, device: dict[str, Any] 
 
 
 @dataclass
-class Felt:
+class Rendered:
     """A run of a loop with a virtual device: its course, a row a period."""
 
     loop: ServoLoop
@@ -70,7 +70,7 @@ class Felt:
 
 def rendered(script: HandScript, chosen: DuctChoice | None = None, *, rate: int = 1000,
          seconds: float = 3.0, coupling: float = 1.0, scale: float = 1.0, retrace: bool = False,
-         stalled: Callable[[int], bool] = lambda _: False) -> Felt:  # fmt: skip
+         stalled: Callable[[int], bool] = lambda _: False) -> Rendered:  # fmt: skip
     how = LoopSettings(rate, scale)
     device = VirtualDevice(DeviceOptions("", how.period, script))
     duct = (chosen or choice()).haptic_model(coupling, how.period, retrace=retrace)
@@ -86,7 +86,7 @@ def rendered(script: HandScript, chosen: DuctChoice | None = None, *, rate: int 
         hooks[row], forces[row] = model.hooks[0, 2], model.forces[0, 2]
         given[row], energies[row] = loop.given[0], loop.regulator.energies
         left[row] = energies[row, MODELLED] - (model.stored + model.spent + model.released) / scale
-    return Felt(loop, device, hooks, forces, given, energies, left)
+    return Rendered(loop, device, hooks, forces, given, energies, left)
 
 
 @pytest.mark.parametrize("theory", [Cubic(), Exact(), Exact(NeoHooke())])
@@ -102,7 +102,7 @@ def test_the_force_is_the_theorys_at_the_hooks_place(theory: Theory) -> None:
     assert np.abs(run.given[:, 2] + run.forces).max() < 0.05
 
 
-def ways(most: float) -> st.SearchStrategy[tuple[Waypoint, ...]]:
+def paths(most: float) -> st.SearchStrategy[tuple[Waypoint, ...]]:
     """Paths with reversals, some faster than a hand; below rest the hook is slack."""
     place = st.tuples(*[st.floats(-3.0, 3.0)] * 2, st.floats(-3.0, most))
     leg = st.tuples(st.floats(0.02, 0.4), place)
@@ -122,11 +122,11 @@ def hands(most: float = 25.0) -> st.SearchStrategy[HandScript]:
             path, device={"latency_ms": latency}, tremor_mm=tremor, reaction_delay_ms=reaction,
             stiffness_N_per_m=1e4 * STIFFNESS, damping_N_s_per_m=12.0,
         ),
-        ways(most), st.floats(0.0, 0.3), st.sampled_from([1.0, 5.0]), st.sampled_from([0.0, 1.0]),
+        paths(most), st.floats(0.0, 0.3), st.sampled_from([1.0, 5.0]), st.sampled_from([0.0, 1.0]),
     )  # fmt: skip
 
 
-def unexplained(run: Felt) -> float:
+def unexplained(run: Rendered) -> float:
     """What the energies leave of the hand's work, over all periods, in parts of its peak."""
     energies, left = run.energies, run.left
     named = energies[:, [MODELLED, SAMPLED, BRAKED, WITHHELD]].sum(axis=1)
@@ -227,9 +227,9 @@ def test_no_motion_gets_energy_out_of_a_device_that_is_late(
     for before, place in pairwise(places):
         loop.step(np.rint(before[None] / PLACE_UNIT).astype(np.int64), [FRESH | LIVE])
         held.append(loop.given[0].copy())
-        way = place - before
-        work -= 1e3 * float(held.pop(0) @ way)
-        taken += 1e3 * friction * float(way @ way) / settings.period
+        direction = place - before
+        work -= 1e3 * float(held.pop(0) @ direction)
+        taken += 1e3 * friction * float(direction @ direction) / settings.period
         assert work + taken > -1e-3
     assert taken > 1.0
 
@@ -493,23 +493,25 @@ def test_a_hand_at_rest_in_a_bed_feels_the_force_of_the_equilibrium(bed: str, gr
     for z in np.linspace(0.0, 3.0, 300).tolist():
         stepped(loop, z, FRESH | LIVE)
     stepped(loop, 3.0, FRESH | LIVE, 700)
-    felt, still = loop.model, chosen.haptic_model(1.0)
-    assert isinstance(felt, HapticBed)
+    chosen_settings, still = loop.model, chosen.haptic_model(1.0)
+    assert isinstance(chosen_settings, HapticBed)
     assert isinstance(still, HapticBed)
     node = still.beam.take(grasp)
-    still.beam.lead(node, still.beam.places[node] + felt.hooks[0])
+    still.beam.lead(node, still.beam.places[node] + chosen_settings.hooks[0])
     still.beam.advance()
-    assert felt.forces[0, 2] > 0.5
-    assert felt.forces[0] == pytest.approx(still.beam.hand_force(node), rel=1e-6, abs=1e-7)
+    assert chosen_settings.forces[0, 2] > 0.5
+    assert chosen_settings.forces[0] == pytest.approx(
+        still.beam.hand_force(node), rel=1e-6, abs=1e-7
+    )
 
 
 def test_a_duct_that_is_freed_is_softer_than_in_its_bed() -> None:
     """Down and up again along a duct whose strands have parted: a hand feels what it has done."""
     run = rendered(hand(UP_AND_DOWN), in_bed(), seconds=3.9)
     high = int(np.argmax(run.hooks))
-    on_the_way = float(run.hooks[high]) * 0.5
-    up = run.forces[int(np.flatnonzero(run.hooks >= on_the_way)[0])]
-    down = run.forces[high + int(np.flatnonzero(run.hooks[high:] <= on_the_way)[0])]
+    halfway = float(run.hooks[high]) * 0.5
+    up = run.forces[int(np.flatnonzero(run.hooks >= halfway)[0])]
+    down = run.forces[high + int(np.flatnonzero(run.hooks[high:] <= halfway)[0])]
     assert down < 0.8 * up
 
 
@@ -673,10 +675,10 @@ def test_a_report_has_all_ducts_that_were_felt() -> None:
         periods += 1
         if periods in (260, 400):
             balance()
-            loop.feel(others.pop(0))
+            loop.render(others.pop(0))
         elif periods == 402:  # a duct that nobody has pulled counts for nothing
-            loop.feel(choice().haptic_model(1.0))
-            loop.feel(ducts[-1])
+            loop.render(choice().haptic_model(1.0))
+            loop.render(ducts[-1])
 
     report = servo.run(None, lambda: "enough" if periods == 500 else None, changed)
     balance()

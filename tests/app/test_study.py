@@ -142,7 +142,7 @@ def test_a_linear_case_has_its_variance_and_bands(tmp_path: Path) -> None:
     assert run("study", plan, "-o", tmp_path / "r").returncode == 0
     own = tmp_path / "own.toml"
     done = run("study", "report", tmp_path / "r", "--json", "--preset", own)
-    told = json.loads(done.stdout)
+    reported = json.loads(done.stdout)
     preset = read_preset(own.read_bytes(), own.name)
     assert preset.break_stress_MPa == pytest.approx(1e-5, rel=1e-3)
     spread = Spread.of(preset)
@@ -151,7 +151,7 @@ def test_a_linear_case_has_its_variance_and_bands(tmp_path: Path) -> None:
     duct = preset_named("thesis-bile-duct").round_beam()
     event = break_of(Cubic().pull(duct, 0.5 * duct.span), 1e-5)
     assert event is not None
-    cell = told["cells"][0]
+    cell = reported["cells"][0]
     for fraction, away in ((0.05, -1.644854), (0.25, -0.674490), (0.5, 0.0), (0.95, 1.644854)):
         known = event.force * (1.0 + 0.1 * away)
         at = cell["break_force_N"]["torn_at"][f"{fraction:g}"]
@@ -160,8 +160,8 @@ def test_a_linear_case_has_its_variance_and_bands(tmp_path: Path) -> None:
     index = cell["indices"]["break_force_N"]
     assert index["break_stress_MPa"]["first"] == pytest.approx(1.0, abs=0.01)
     assert index["poisson_ratio"]["total"] == pytest.approx(0.0, abs=0.01)
-    assert any("break stress would repay being measured" in line for line in told["summary"])
-    assert any("hangs on poisson ratio" in line for line in told["summary"])
+    assert any("break stress would repay being measured" in line for line in reported["summary"])
+    assert any("hangs on poisson ratio" in line for line in reported["summary"])
     page = (tmp_path / "r" / "report.html").read_text()
     assert page.count("<img alt=") == 3
     assert not re.search(r'(src|href)="http', page)
@@ -276,8 +276,8 @@ def test_a_killed_program_goes_on_where_it_was(tmp_path: Path) -> None:
     run_study(read_plan(plan), tmp_path / "alone", workers=1)
     wanted = (tmp_path / "alone" / "results.parquet").read_bytes()
     assert (place / "results.parquet").read_bytes() == wanted
-    said = refused(["study", written(tmp_path, samples=65), "-o", place])
-    assert "holds results of another plan" in said
+    output = refused(["study", written(tmp_path, samples=65), "-o", place])
+    assert "holds results of another plan" in output
 
 
 def test_a_dask_cluster_gives_the_same(tmp_path: Path) -> None:
@@ -401,7 +401,7 @@ def test_correlations_that_no_inputs_can_have_are_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "output"),
     [
         (("samples = 8", "samples = 0"), "line 1: samples must be a whole number from 1"),
         (("samples = 8\n", ""), "samples is missing"),
@@ -434,7 +434,7 @@ def test_correlations_that_no_inputs_can_have_are_named() -> None:
     ],
 )
 def test_what_is_wrong_in_a_plan_is_named(
-    change: tuple[str, str], said: str, tmp_path: Path
+    change: tuple[str, str], output: str, tmp_path: Path
 ) -> None:
     plan = written(tmp_path)
     text = plan.read_text()
@@ -442,7 +442,7 @@ def test_what_is_wrong_in_a_plan_is_named(
     plan.write_text(text.replace(*change))
     message = refused(["study", plan, "-o", tmp_path / "r"])
     assert "plan.toml" in message
-    assert said in message
+    assert output in message
     assert not (tmp_path / "r").exists()
 
 

@@ -32,13 +32,13 @@ def test_there_is_none_at_rest() -> None:
 
 @pytest.mark.parametrize("preset", ["thesis-bile-duct", "porcine-bile-duct"])
 @pytest.mark.parametrize("label", list(OFFERED_THEORIES))
-@pytest.mark.parametrize("part", [0.4, 0.5, 0.25])
+@pytest.mark.parametrize("fraction", [0.4, 0.5, 0.25])
 def test_the_highest_on_the_skin_is_what_the_criterion_is_held_against(
-    preset: str, label: str, part: float
+    preset: str, label: str, fraction: float
 ) -> None:
     session = pull_session(phantom(), preset_named(preset), vertices=10000)
     session.choose_theory(OFFERED_THEORIES[label])
-    session.set_grasp(part * session.tissue.dissection.beam.span)
+    session.set_grasp(fraction * session.tissue.dissection.beam.span)
     session.advance()
     event = session.reading().breaks_at
     assert event is not None

@@ -130,10 +130,10 @@ def test_every_surface_knows_its_grids() -> None:
         normals = np.cross(around[:-1], np.diff(outer, axis=0)) * (1 if skin.right_handed else -1)
         assert np.all(np.sum(outer[:-1] * [0.0, 1.0, 1.0] * normals, axis=2) > 0.0)
         assert np.all(np.linalg.norm((outer - lumen)[..., 1:], axis=2) > 0.1)
-        for part in ("outer", "inside"):
-            numbers, faces = skin.part(part)
+        for side in ("outer", "inside"):
+            numbers, faces = skin.side(side)
             assert set(faces.ravel().tolist()) == set(range(len(numbers)))
-        both = [skin.part(part) for part in ("outer", "inside")]
+        both = [skin.side(side) for side in ("outer", "inside")]
         np.testing.assert_array_equal(
             np.concatenate([numbers[faces] for numbers, faces in both]), skin.faces
         )

@@ -312,12 +312,12 @@ def test_a_signal_while_it_compiles_ends_it_at_once(number: signal.Signals, tmp_
                 assert time.monotonic() < deadline
                 time.sleep(0.02)
             process.send_signal(number)
-            said, errors = process.communicate(timeout=LONGEST)
+            output, errors = process.communicate(timeout=LONGEST)
         finally:
             process.kill()
     assert errors == ""
     # Before the address is said the signal itself ends it, then the end is an orderly one.
-    assert process.returncode == (0 if said.startswith("The trainer is ready") else -number)
+    assert process.returncode == (0 if output.startswith("The trainer is ready") else -number)
 
 
 def test_tabs_that_close_while_they_are_drawn_are_no_fault(browser: Browser) -> None:
@@ -462,9 +462,9 @@ def test_sessions_go_on_whatever_viser_raises(
     assert steady.ticks >= 10
     assert [view.ticks for view in broken] == [1, 1, 1]
     stopped = [f"the session of client {number} has stopped" for number in others]
-    said = [each.getMessage() for each in caplog.records if each.name == server.__name__]
-    assert sorted(each for each in said if each in stopped) == stopped
-    assert sorted(each for each in said if each not in stopped) == [
+    output = [each.getMessage() for each in caplog.records if each.name == server.__name__]
+    assert sorted(each for each in output if each in stopped) == stopped
+    assert sorted(each for each in output if each not in stopped) == [
         f"{what} has failed; the sessions go on"
         for what in (
             "asking for the clients",

@@ -24,11 +24,11 @@ def session(name: str = NORMAL) -> Session:
     return Session(Specimen.of_anatomy(anatomy_named(name)), vertices=300)
 
 
-def draw(at: Session, hand: int, way: np.ndarray, seconds: float) -> None:
+def draw(at: Session, hand: int, direction: np.ndarray, seconds: float) -> None:
     """Lead a hand along a way, mm, at one speed."""
     first, ticks = at.spatial.hands[hand].place.copy(), round(seconds / TICK_SECONDS)
     for tick in range(ticks):
-        at.move_hand(hand, first + way * (tick + 1) / ticks)
+        at.move_hand(hand, first + direction * (tick + 1) / ticks)
         at.advance()
 
 

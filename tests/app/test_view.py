@@ -39,12 +39,12 @@ def test_view_stays_above_the_bed_and_comes_home(browser: Browser, trainer: Trai
             tab.next_picture()
         page.keyboard.up("a")
         np.testing.assert_allclose(tab.rest(), at_home, atol=CAMERA_NEAR)
-        ways_home = (
+        exits = (
             lambda: tab.press("View home (V)"),
             lambda: page.keyboard.press("v"),
             lambda: tab.press("Reset (R)"),
         )
-        for go_home in ways_home:
+        for go_home in exits:
             for button in ("left", "right"):
                 mouse.move(60, 500)
                 mouse.down(button=button)
@@ -233,7 +233,7 @@ def test_axe_finds_nothing_serious_on_any_tab_or_dialog(browser: Browser, traine
         expect(dialog).to_have_count(0)
 
 
-def said(tab: TrainerPage) -> str:
+def message(tab: TrainerPage) -> str:
     return tab.page.locator("#bd-said").text_content() or ""
 
 
@@ -259,9 +259,9 @@ def test_arrows_pull_by_percents_letters_can_rest_and_only_changes_are_said(
             wanted = 0.01 * percent * event.force
             tab.wait_until(lambda force=wanted: _wished(session) == pytest.approx(force, abs=6e-4))
         np.testing.assert_array_equal(tab.rest(), still)  # the arrows are the slider's own
-        tab.wait_until(lambda: said(tab) == "Safe")
+        tab.wait_until(lambda: message(tab) == "Safe")
         tab.slide("Force F (N)", round(0.7 * event.force, 3))
-        tab.wait_until(lambda: said(tab) == "Careful")
+        tab.wait_until(lambda: message(tab) == "Careful")
 
         tab.press("Help")
         tab.tick("Letter keys")
@@ -278,7 +278,7 @@ def test_arrows_pull_by_percents_letters_can_rest_and_only_changes_are_said(
         page.keyboard.press("Escape")
         expect(page.get_by_role("dialog")).to_have_count(0)
         page.keyboard.press("r")
-        tab.wait_until(lambda: said(tab) == "Safe")
+        tab.wait_until(lambda: message(tab) == "Safe")
 
 
 def kept(tab: TrainerPage, name: str) -> str | None:

@@ -56,7 +56,7 @@ def test_a_published_command_without_a_force_is_answered_and_moves_nothing(page:
     virtual, clock = service(force_rate_limit_N_per_s=1e6)
     virtual.answer(page, 1)
     clock.now += 0.005
-    state = told(virtual.answer(page, 1))["inverse3"][0]["state"]
+    state = decoded(virtual.answer(page, 1))["inverse3"][0]["state"]
     assert state["cursor_position"] == dict(zip("xyz", START, strict=True))
     assert state["control_mode"] == "idle"
 
@@ -78,7 +78,7 @@ def service(**hardware: Any) -> tuple[VirtualService, Clock]:
     return VirtualService(script, clock), clock
 
 
-def told(content: bytes) -> dict[str, Any]:
+def decoded(content: bytes) -> dict[str, Any]:
     return json.loads(content)
 
 
@@ -91,11 +91,11 @@ def test_the_virtual_inventory_has_the_published_members(version: str, page: str
         return type(value) if not isinstance(value, int | float) else float
 
     virtual, _ = service(protocol=version)
-    made, published = told(virtual.inventory(7)), json.loads(page)
+    made, published = decoded(virtual.inventory(7)), json.loads(page)
     assert members(made["inverse3"][0]) == members(published["inverse3"][0])
     assert made.get("session_id") == published.get("session_id")
     assert list(made["inverse3"][0]["state"]) == list(published["inverse3"][0]["state"])
-    later = told(virtual.answer(pages.FORCE_35, 7))["inverse3"][0]
+    later = decoded(virtual.answer(pages.FORCE_35, 7))["inverse3"][0]
     assert "config" not in later
     assert {"state", "status"} <= later.keys()
 
@@ -106,16 +106,16 @@ def test_a_force_holds_for_one_message_and_moves_the_mass_as_newton_says() -> No
     )
     virtual.answer(pages.FORCE_35, 1)
     clock.now += 0.010
-    moved = told(virtual.answer(pages.FORCE_35, 1))["inverse3"][0]["state"]
+    moved = decoded(virtual.answer(pages.FORCE_35, 1))["inverse3"][0]["state"]
     assert moved["cursor_position"]["z"] - 0.15 == pytest.approx(0.5 * 1.5 / 0.15 * 0.01**2)
     assert moved["cursor_velocity"]["z"] == pytest.approx(1.5 / 0.15 * 0.01)
     assert moved["current_cursor_force"]["z"] == 1.5
     # A client that falls silent drives no longer than the hold.
     clock.now += 0.2
-    late = told(virtual.answer(b"{}", 1))["inverse3"][0]["state"]
+    late = decoded(virtual.answer(b"{}", 1))["inverse3"][0]["state"]
     assert late["cursor_velocity"]["z"] == pytest.approx(1.5 / 0.15 * 0.03)
     clock.now += 0.01
-    assert told(virtual.answer(b"{}", 1))["inverse3"][0]["state"]["control_mode"] == "idle"
+    assert decoded(virtual.answer(b"{}", 1))["inverse3"][0]["state"]["control_mode"] == "idle"
 
 
 def test_values_and_vector_are_one_force_and_another_device_gets_none() -> None:
@@ -123,13 +123,14 @@ def test_values_and_vector_are_one_force_and_another_device_gets_none() -> None:
         virtual, clock = service(force_rate_limit_N_per_s=1e6)
         virtual.answer(content, 1)
         clock.now += 0.001
-        assert told(virtual.answer(content, 1))["inverse3"][0]["state"]["current_cursor_force"] == {
+        state = decoded(virtual.answer(content, 1))["inverse3"][0]["state"]
+        assert state["current_cursor_force"] == {
             "x": 0.0, "y": 0.0, "z": 1.5,
         }  # fmt: skip
     virtual, clock = service()
     virtual.answer(pages.FORCE_35.replace(b"049D", b"0000"), 1)
     clock.now += 0.01
-    assert told(virtual.state(1))["inverse3"][0]["state"]["current_cursor_force"]["z"] == 0.0
+    assert decoded(virtual.state(1))["inverse3"][0]["state"]["current_cursor_force"]["z"] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -148,7 +149,7 @@ def test_what_is_no_message_takes_the_force_away_and_is_still_answered(content: 
         virtual.answer(content, 1)
     clock.now += 0.002
     virtual.answer(b"{}", 1)
-    assert told(virtual.state(1))["inverse3"][0]["state"]["current_cursor_force"]["z"] == 0.0
+    assert decoded(virtual.state(1))["inverse3"][0]["state"]["current_cursor_force"]["z"] == 0.0
 
 
 def test_a_cursor_is_led_to_a_place_and_a_preset_moves_the_origin() -> None:
@@ -157,25 +158,25 @@ def test_a_cursor_is_led_to_a_place_and_a_preset_moves_the_origin() -> None:
     for _ in range(2000):
         virtual.answer(place, 1)
         clock.now += 0.001
-    assert told(virtual.state(1))["inverse3"][0]["state"]["cursor_position"]["z"] == pytest.approx(
-        0.16, abs=1e-4
-    )
+    assert decoded(virtual.state(1))["inverse3"][0]["state"]["cursor_position"][
+        "z"
+    ] == pytest.approx(0.16, abs=1e-4)
     virtual, _ = service()
     centred = (
         b'{"session":{"force_render_full_state":{}},"inverse3":[{"device_id":"049D",'
         b'"configure":{"preset":{"preset":"arm_front_centered"}}}]}'
     )
-    answer = told(virtual.answer(centred, 1))["inverse3"][0]
+    answer = decoded(virtual.answer(centred, 1))["inverse3"][0]
     assert answer["config"]["preset"] == "arm_front_centered"
     assert answer["state"]["cursor_position"] == {"x": 0.0, "y": 0.0, "z": 0.0}
 
 
 def test_a_socket_gives_one_inventory_one_state_a_message_and_the_list_of_devices() -> None:
     script = HandScript(path=(Waypoint(0.0, (0.0, 0.0, 0.0), ("a", "c")),))
-    said: list[str] = []
+    message: list[str] = []
 
     async def talk() -> None:
-        async with await HaplyServer(script, said.append).start("127.0.0.1", 0) as server:
+        async with await HaplyServer(script, message.append).start("127.0.0.1", 0) as server:
             port = next(iter(server.sockets)).getsockname()[1]
             async with connect(f"ws://127.0.0.1:{port}") as client:
                 first = json.loads(await client.recv())
@@ -200,7 +201,7 @@ def test_a_socket_gives_one_inventory_one_state_a_message_and_the_list_of_device
     # The browser of other tests has a loop in this thread.
     with ThreadPoolExecutor(1) as elsewhere:
         elsewhere.submit(asyncio.run, talk()).result()
-    assert [line for line in said if "not a message" in line] == [said[1]]
+    assert [line for line in message if "not a message" in line] == [message[1]]
 
 
 def test_the_energies_of_a_simulated_device_close() -> None:
@@ -234,13 +235,13 @@ def test_a_delay_is_as_long_as_it_says_and_a_run_is_the_same_to_the_bit() -> Non
 
     assert first_motion(latency_ms=5.0) - first_motion() == pytest.approx(0.005)
     script = HandScript(hand=SimulatedHand(tremor_mm=0.3, seed=4))
-    ways: list[bytes] = []
+    positions: list[bytes] = []
     for steps in (1, 7):
         device = SimulatedDevice(script)
         for _ in range(700 // steps):
             device.advance(steps, np.array([0.1, 0.2, 0.3]))
-        ways.append(device.position.tobytes())
-    assert ways[0] == ways[1]
+        positions.append(device.position.tobytes())
+    assert positions[0] == positions[1]
 
 
 def test_a_hand_is_read_from_its_file_or_refused_by_name(tmp_path: Path) -> None:

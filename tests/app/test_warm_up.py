@@ -32,5 +32,5 @@ def test_nothing_is_compiled_after_the_warming() -> None:
         check=True,
         env={**os.environ, "PYTHONPATH": str(TESTS.parents[1])},
     )
-    said = [line for line in run.stdout.splitlines() if line.startswith(("compiled", "done"))]
-    assert said == ["done"]
+    message = [line for line in run.stdout.splitlines() if line.startswith(("compiled", "done"))]
+    assert message == ["done"]

@@ -114,7 +114,7 @@ def test_every_kind_of_statement_is_valid_to_learning_locker(
     assert statement_faults(all_of_them, tmp_path / "statements.json") == [0] * len(found) + [2]
 
 
-def told(words: str, rng: random.Random) -> dict[str, float | str]:
+def extensions_of(words: str, rng: random.Random) -> dict[str, float | str]:
     """Values for the fields of an error's sentence."""
     fields = [(name, spec) for _, name, spec, _ in Formatter().parse(words) if name and name != "t"]
     return {name: rng.uniform(0, 99) if spec else "artery" for name, spec in fields}
@@ -131,7 +131,7 @@ def random_run(person: str, number: int, rng: random.Random) -> RunRecord:
             Incident(
                 each.key, start, start + rng.random(), rng.choice([None, 0, 1]), rng.randint(0, 4),
                 rng.choice([None, rng.uniform(0.0, 90.0)]), rng.choice(CONSEQUENCES),
-                told(each.happened + each.instead, rng),
+                extensions_of(each.happened + each.instead, rng),
             )
         ] * rng.choice([1, 1, 1, 60])  # fmt: skip
     base = record(person, run_id=f"{number}", passed=rng.choice([True, False, None]))

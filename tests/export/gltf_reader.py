@@ -93,8 +93,8 @@ class Gltf:
             before = after - 1
             value = values[before]
             if sampler["interpolation"] == "LINEAR" and after < len(times) and time > times[before]:
-                part = (time - times[before]) / (times[after] - times[before])
-                value = (1.0 - part) * value + part * values[after]
+                fraction = (time - times[before]) / (times[after] - times[before])
+                value = (1.0 - fraction) * value + fraction * values[after]
                 if channel["target"]["path"] == "rotation":
                     value = value / np.linalg.norm(value)
             state[channel["target"]["node"], channel["target"]["path"]] = value
@@ -120,8 +120,8 @@ class Gltf:
             for weight, target in zip(weights, primitive.get("targets", []), strict=True):
                 places += weight * self.array(target["POSITION"])
             follows = self.array(attributes["JOINTS_0"])
-            parts = self.array(attributes["WEIGHTS_0"])
-            blended = np.einsum("vk,vkij->vij", parts, matrices[follows])
+            raw_weights = self.array(attributes["WEIGHTS_0"])
+            blended = np.einsum("vk,vkij->vij", raw_weights, matrices[follows])
             ones = np.concatenate([places, np.ones((len(places), 1))], axis=1)
             found.append(np.einsum("vij,vj->vi", blended, ones)[:, :3])
         return found

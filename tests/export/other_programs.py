@@ -92,8 +92,8 @@ class Viewer:
         self.page.evaluate("([clip, time]) => viewer.play(clip, time)", [clip, time])
         found = self.page.evaluate("() => viewer.places()")
         return {
-            name: np.concatenate([np.array(each).reshape(-1, 3) for each in parts])
-            for name, parts in found.items()
+            name: np.concatenate([np.array(each).reshape(-1, 3) for each in pieces])
+            for name, pieces in found.items()
         }
 
 

@@ -54,7 +54,7 @@ class Rigged:
 
 def walls(skin: Skin, vertices: np.ndarray) -> list[np.ndarray]:
     """Places of a skin's walls in glTF's frame."""
-    return [metres(vertices[skin.part(part)[0]]) for part in ("outer", "inside")]
+    return [metres(vertices[skin.side(side)[0]]) for side in ("outer", "inside")]
 
 
 def keys_to_see(motion: Motion) -> list[int]:

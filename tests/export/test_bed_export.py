@@ -28,7 +28,7 @@ from organ_geometry.mesh.gltf_file import metres
 from physics.bed import Hand, pull
 
 EDGE_LENGTH = 1.2
-PARTS = 14
+RINGS = 14
 """Vertices of a strand: two rings of a tube, and ring and tip of two stubs."""
 FREED = "freed"
 
@@ -108,8 +108,8 @@ def test_the_organ_s_joints_follow_the_beam_in_space(key: int) -> None:
     bound = skin.bound_to(export.dissection.driving)
     wanted = bound.deform(motion.transforms[key], np.empty_like(skin.vertices))
     found = model().vertices("organ", "free", float(motion.times[key]))
-    for places, part in zip(found, ("outer", "inside"), strict=True):
-        assert np.abs(places - metres(wanted[skin.part(part)[0]])).max() < 1e-4 * radius()
+    for places, side in zip(found, ("outer", "inside"), strict=True):
+        assert np.abs(places - metres(wanted[skin.side(side)[0]])).max() < 1e-4 * radius()
     if key == 12:  # sideways too, and turned about the pull
         moved = (wanted - skin.vertices) @ export.dissection.frame
         assert moved.max(axis=0)[1:] == pytest.approx([3.0, 9.0], abs=0.7)
@@ -119,8 +119,8 @@ def test_the_organ_s_joints_follow_the_beam_in_space(key: int) -> None:
 def test_whole_strands_reach_the_duct_and_parted_ones_are_stubs(key: int) -> None:
     motion, now = freed().motion, strands(key)
     (places,) = model().vertices("strands", "free", float(motion.times[key]))
-    parts = places.reshape(-1, PARTS, 3)
-    foot, end, foot_stub, end_stub = (parts[:, a : a + 3] for a in (0, 3, 6, 10))
+    rings = places.reshape(-1, RINGS, 3)
+    foot, end, foot_stub, end_stub = (rings[:, a : a + 3] for a in (0, 3, 6, 10))
     for ring, at in (
         (foot, now.feet),
         (end, now.ends),
@@ -129,7 +129,7 @@ def test_whole_strands_reach_the_duct_and_parted_ones_are_stubs(key: int) -> Non
     ):
         assert np.abs(ring.mean(axis=1) - metres(at[:, 0])).max() < 2e-4 * radius()
     tips = metres(np.stack([now.feet[:, 1], now.ends[:, 1]], axis=1))
-    assert np.abs(parts[:, [9, 13]] - tips).max() < 2e-4 * radius()
+    assert np.abs(rings[:, [9, 13]] - tips).max() < 2e-4 * radius()
 
     def thickness(ring: np.ndarray) -> np.ndarray:
         return 1e3 * np.linalg.norm(ring - ring.mean(axis=1, keepdims=True), axis=2).max(axis=1)
@@ -194,15 +194,15 @@ def test_torn_pieces_and_their_strands_move_as_drawn_here() -> None:
         time = float(motion.times[key])
         for surface in wanted[key].surfaces:
             found = torn_model().vertices(surface.name, "free", time)
-            for places, part in zip(found, ("outer", "inside"), strict=True):
-                at = metres(surface.vertices[surface.skin.part(part)[0]])
+            for places, side in zip(found, ("outer", "inside"), strict=True):
+                at = metres(surface.vertices[surface.skin.side(side)[0]])
                 assert np.abs(places - at).max() < 1e-4 * radius()
         for name in {"organ", *PIECES} - {each.name for each in wanted[key].surfaces}:
             for places in torn_model().vertices(name, "free", time):
                 assert np.ptp(places, axis=0).max() < 1e-6
         now = strands(key, export)
         (places,) = torn_model().vertices("strands", "free", time)
-        ends = places.reshape(-1, PARTS, 3)[:, 3:6].mean(axis=1)
+        ends = places.reshape(-1, RINGS, 3)[:, 3:6].mean(axis=1)
         assert np.abs(ends - metres(now.ends[:, 0])).max() < 2e-4 * radius()
 
 

@@ -177,7 +177,7 @@ def test_a_threshold_of_one_s_own_moves_the_break(order: PullExport) -> None:
 
 
 def test_admesh_finds_nothing_to_mend(order: PullExport, tmp_path: Path) -> None:
-    for name, wanted, parts in (
+    for name, wanted, count in (
         ("rest", replace(order, force=None), 1),
         ("pulled", order, 1),
         ("torn", replace(order, force=None, torn=True), 2),
@@ -189,7 +189,7 @@ def test_admesh_finds_nothing_to_mend(order: PullExport, tmp_path: Path) -> None
         )
         assert done.returncode == 0, done.stderr
         counts = dict(re.findall(r"^(.+?)\s*:\s+(-?\d+)", done.stdout, flags=re.MULTILINE))
-        assert int(counts["Number of parts"]) == parts
+        assert int(counts["Number of parts"]) == count
         for fault in (
             "Degenerate facets",
             "Edges fixed",

@@ -88,9 +88,9 @@ def test_strands_are_where_the_tissue_has_them() -> None:
     thin = strands.tubes != tissue.tubes.names.index("gallbladder")
     assert np.abs(now.ends[:, 0] - ends)[thin].max() < 0.3
     assert np.abs(now.ends[:, 0] - ends).max() < 2.5
-    way = np.sqrt(((ends - feet) ** 2).sum(axis=1)) - strands.length
-    taut = (way > 0.0) | (strands.bilateral > 0.0)
-    wanted = np.where(taut, (1.0 - beam.damage[order]) * strands.stiffness * way, 0.0)
+    elongation = np.sqrt(((ends - feet) ** 2).sum(axis=1)) - strands.length
+    taut = (elongation > 0.0) | (strands.bilateral > 0.0)
+    wanted = np.where(taut, (1.0 - beam.damage[order]) * strands.stiffness * elongation, 0.0)
     assert now.force == pytest.approx(wanted, rel=1e-12, abs=1e-15)
 
 

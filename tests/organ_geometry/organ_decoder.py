@@ -143,12 +143,12 @@ def decode(data: bytes) -> Decoded:
                 key,
                 [
                     integer(
-                        [("bend", int(way > 0), min(level, 4))],
+                        [("bend", int(direction > 0), min(level, 4))],
                         [("bend", min(level, 4))],
-                        BEND_STARTS[way > 0][min(level, 4) - 1],
+                        BEND_STARTS[direction > 0][min(level, 4) - 1],
                         BEND_RUNS[min(level, 4) - 1],
                     )
-                    for way in range(3)
+                    for direction in range(3)
                 ],
             )
             for key in range(

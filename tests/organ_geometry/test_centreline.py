@@ -22,9 +22,9 @@ def capsule(
     """Voxels nearer to the line between two points than a radius, mm."""
     k, j, i = np.indices(shape)
     places = np.stack([i, j, k], axis=-1) * sizes
-    way = ends[1] - ends[0]
-    along = np.clip(((places - ends[0]) @ way) / (way @ way), 0.0, 1.0)
-    return np.linalg.norm(places - ends[0] - along[..., None] * way, axis=-1) < radius
+    direction = ends[1] - ends[0]
+    along = np.clip(((places - ends[0]) @ direction) / (direction @ direction), 0.0, 1.0)
+    return np.linalg.norm(places - ends[0] - along[..., None] * direction, axis=-1) < radius
 
 
 ENDS = np.array([[6.0, 7.0, 7.0], [30.0, 22.0, 40.0]])
@@ -33,26 +33,26 @@ SHAPE = (60, 60, 80)
 
 
 def off_axis(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    way = (ENDS[1] - ENDS[0]) / np.linalg.norm(ENDS[1] - ENDS[0])
+    direction = (ENDS[1] - ENDS[0]) / np.linalg.norm(ENDS[1] - ENDS[0])
     off = points - ENDS[0]
-    return np.linalg.norm(off - np.outer(off @ way, way), axis=1)
+    return np.linalg.norm(off - np.outer(off @ direction, direction), axis=1)
 
 
 def test_the_minimal_path_keeps_to_the_middle() -> None:
-    way = minimal_path(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
-    stations = arc_lengths(way.points)
+    direction = minimal_path(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
+    stations = arc_lengths(direction.points)
     inner = (stations > 2 * RADIUS) & (stations < stations[-1] - 2 * RADIUS)
-    assert off_axis(way.points[inner]).max() < 1.5 * SIZES.max()
+    assert off_axis(direction.points[inner]).max() < 1.5 * SIZES.max()
     # Depths by steps between voxels are a little above straight distances.
-    assert np.median(way.depths) == pytest.approx(RADIUS, rel=0.15)
+    assert np.median(direction.depths) == pytest.approx(RADIUS, rel=0.15)
 
 
 def test_voxels_are_put_together_where_they_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("organ_geometry.reslice.minimal_path.MOST_VOXELS", 1500)
-    way = minimal_path(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
-    stations = arc_lengths(way.points)
+    direction = minimal_path(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
+    stations = arc_lengths(direction.points)
     inner = (stations > 2 * RADIUS) & (stations < stations[-1] - 2 * RADIUS)
-    assert off_axis(way.points[inner]).max() < 2.5 * SIZES.max()
+    assert off_axis(direction.points[inner]).max() < 2.5 * SIZES.max()
 
 
 def test_the_centreline_is_the_axis_from_tip_to_tip() -> None:
@@ -67,10 +67,10 @@ def test_the_centreline_is_the_axis_from_tip_to_tip() -> None:
 
 def test_a_section_is_a_disc_of_the_tube_s_area() -> None:
     tube = Tube(capsule(ENDS, RADIUS, SHAPE, SIZES).astype(np.uint8) * np.uint8(255), SIZES)
-    way = (ENDS[1] - ENDS[0]) / np.linalg.norm(ENDS[1] - ENDS[0])
-    x_dir = np.cross(way, [0.0, 0.0, 1.0])
+    direction = (ENDS[1] - ENDS[0]) / np.linalg.norm(ENDS[1] - ENDS[0])
+    x_dir = np.cross(direction, [0.0, 0.0, 1.0])
     x_dir /= np.linalg.norm(x_dir)
-    frame = np.stack([x_dir, np.cross(way, x_dir), way], axis=1)
+    frame = np.stack([x_dir, np.cross(direction, x_dir), direction], axis=1)
     section, pixel = tube.section(ENDS.mean(axis=0) + 0.7 * x_dir, frame, RADIUS)
     np.testing.assert_allclose(section.mean(axis=0), [-0.7, 0.0], atol=0.1)
     assert len(section) * pixel**2 == pytest.approx(np.pi * RADIUS**2, rel=0.03)

@@ -66,7 +66,7 @@ def test_an_ellipse_has_the_size_it_was_drawn_with(
     np.testing.assert_allclose(fitted_radii(edges.outer), [*CENTRE, *radii], atol=tolerance)
     assert traced.polarity == polarity
     assert edges.lumen is None
-    assert not edges.other_part
+    assert not edges.other_component
     assert not edges.carried
     np.testing.assert_array_equal(image, before)
 
@@ -130,7 +130,7 @@ def test_the_largest_component_is_the_organ(cover: Cover) -> None:
     np.testing.assert_allclose(
         fitted_radii(edges.outer), [*CENTRE, 20.0, 20.0], atol=RADIUS_TOLERANCE_PX
     )
-    assert edges.other_part
+    assert edges.other_component
 
 
 @pytest.mark.parametrize("turns", range(4))

@@ -88,9 +88,9 @@ def test_few_points_make_a_boundary_too() -> None:
 def test_a_curve_that_runs_away_without_points_is_refused() -> None:
     # Of the upper half only the left end is there: degree six leaves it for anywhere.
     x, y = circle(1.0).T
-    part = circle(1.0)[~((y < 0.0) & (x > -0.5))]
+    arc = circle(1.0)[~((y < 0.0) & (x > -0.5))]
     with pytest.raises(NotSingleValued, match="the edge is not single-valued, one top and one"):
-        fit_half_curves(part)
+        fit_half_curves(arc)
 
 
 def test_the_outline_runs_like_atan2() -> None:

@@ -239,16 +239,16 @@ def test_a_region_keeps_pixels_and_places(
 ) -> None:
     path = write_volume(noise())
     whole = read_image_stack(path)
-    part = read_image_stack(path, ReadOptions(roi=roi))  # pyright: ignore[reportArgumentType]
+    region = read_image_stack(path, ReadOptions(roi=roi))  # pyright: ignore[reportArgumentType]
     x0, y0, x1, y1, first, last = roi if len(roi) == 6 else (*roi, 0, 4)
-    assert part.shape == (y1 - y0 + 1, x1 - x0 + 1)
-    assert part.names == whole.names[first : last + 1]
-    for section, picture in enumerate(part.images()):
+    assert region.shape == (y1 - y0 + 1, x1 - x0 + 1)
+    assert region.names == whole.names[first : last + 1]
+    for section, picture in enumerate(region.images()):
         np.testing.assert_array_equal(
             picture, whole.image(first + section)[y0 : y1 + 1, x0 : x1 + 1]
         )
         np.testing.assert_allclose(
-            places(part, section, 0, 0), places(whole, first + section, y0, x0), atol=1e-12
+            places(region, section, 0, 0), places(whole, first + section, y0, x0), atol=1e-12
         )
 
 
@@ -399,9 +399,9 @@ def test_threads_read_the_same(
 def resized(path: Path, size: int) -> None:
     """Let a MetaImage's header say another size of its compressed voxels."""
     content = path.read_bytes()
-    said = re.sub(rb"CompressedDataSize = \d+", b"CompressedDataSize = %d" % size, content)
-    assert said != content
-    path.write_bytes(said)
+    output = re.sub(rb"CompressedDataSize = \d+", b"CompressedDataSize = %d" % size, content)
+    assert output != content
+    path.write_bytes(output)
 
 
 @pytest.mark.parametrize("suffix", [".mha", ".mhd"])

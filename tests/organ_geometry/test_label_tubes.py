@@ -40,23 +40,23 @@ def forked(angle: float) -> dict[int, Drawn]:
 
 def direction(found: LabelTubes, name: str) -> Floats:
     places = found.tube(name).axis.places
-    way = places[int(0.8 * len(places))] - places[int(0.35 * len(places))]
-    return way / np.linalg.norm(way)
+    offset = places[int(0.8 * len(places))] - places[int(0.35 * len(places))]
+    return offset / np.linalg.norm(offset)
 
 
 @cache
-def found_fork(angle: float, part: int, turned: bool) -> tuple[LabelTubes, Floats]:
+def found_fork(angle: float, portion: int, turned: bool) -> tuple[LabelTubes, Floats]:
     turn = turn_about_z(30.0) @ TILT if turned else np.eye(3)
-    volume = drawn_volume(forked(angle), RADIUS / part, turn=turn)
+    volume = drawn_volume(forked(angle), RADIUS / portion, turn=turn)
     return tubes_of_labels(volume, NAMES), turn
 
 
 @pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("part", [2, 4, 8])
+@pytest.mark.parametrize("portion", [2, 4, 8])
 @pytest.mark.parametrize("angle", [40.0, 70.0])
-def test_a_fork_s_joins_angles_and_radii_converge(angle: float, part: int, turned: bool) -> None:
-    found, turn = found_fork(angle, part, turned)
-    place_error, radius_error, angle_error = ERRORS[part]
+def test_a_fork_s_joins_angles_and_radii_converge(angle: float, portion: int, turned: bool) -> None:
+    found, turn = found_fork(angle, portion, turned)
+    place_error, radius_error, angle_error = ERRORS[portion]
     joins = {join.tube: join for join in found.joins}
     assert joins.keys() == {"side", "top"}
     assert all(join.to == "trunk" and join.end == 0 for join in joins.values())
@@ -130,10 +130,10 @@ def test_a_wall_of_wrong_and_missing_labels_is_found(sizes: tuple[float, float, 
     inside = volume.values.ravel() == 1
     wrong = rng.random(len(inside)) < 0.03
     axis = np.linspace(tube.start, tube.end, 81)
-    way = (axis[-1] - axis[0]) / np.linalg.norm(axis[-1] - axis[0])
-    frames = rotation_minimising_frames(axis, np.tile(way, (81, 1)), np.array([1.0, 0.0, 0.0]))
+    offset = (axis[-1] - axis[0]) / np.linalg.norm(axis[-1] - axis[0])
+    frames = rotation_minimising_frames(axis, np.tile(offset, (81, 1)), np.array([1.0, 0.0, 0.0]))
     off = places - axis[0]
-    away = np.linalg.norm(off - np.outer(off @ way, way), axis=1)
+    away = np.linalg.norm(off - np.outer(off @ offset, offset), axis=1)
     known = (away < 4.5) & (off @ frames[0, :, 0] < 1.2)
     voxel = float(np.prod(sizes) ** (1.0 / 3.0))
     labels, trust = (inside ^ wrong)[known], np.ones(int(known.sum()))

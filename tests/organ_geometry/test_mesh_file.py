@@ -13,7 +13,7 @@ from organ_geometry.mesh.skin import Surface, organ_skin
 from organ_geometry.mesh.tear import torn_pieces
 
 
-def parts_of(torn: bool) -> list[Surface]:
+def pieces_of(torn: bool) -> list[Surface]:
     organ = tube(wall=1.0)
     if not torn:
         skin = organ_skin(organ, edge_length=1.0)
@@ -28,13 +28,13 @@ def parts_of(torn: bool) -> list[Surface]:
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("torn", [False, True])
 def test_every_kind_comes_back_closed_and_in_place(tmp_path: Path, suffix: str, torn: bool) -> None:
-    parts = parts_of(torn)
+    components = pieces_of(torn)
     path = tmp_path / f"duct{suffix}"
-    path.write_bytes(mesh_content(parts, suffix))
+    path.write_bytes(mesh_content(components, suffix))
     loaded = trimesh.load_mesh(path, process=False) if suffix != ".stl" else trimesh.load_mesh(path)
     if suffix == ".glb":  # a vertex for each side of an edge, at one place
         loaded.merge_vertices(merge_norm=True, merge_tex=True)
-    vertices = np.concatenate([part.vertices for part in parts])
+    vertices = np.concatenate([fraction.vertices for fraction in components])
     if suffix == ".glb":  # metres, y up
         vertices = 1e-3 * vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
     assert loaded.is_watertight
@@ -43,17 +43,18 @@ def test_every_kind_comes_back_closed_and_in_place(tmp_path: Path, suffix: str, 
         np.stack([vertices.min(axis=0), vertices.max(axis=0)]), rel=1e-5, abs=1e-6
     )
     expected = sum(
-        trimesh.Trimesh(part.vertices, part.skin.faces, process=False).volume for part in parts
+        trimesh.Trimesh(fraction.vertices, fraction.skin.faces, process=False).volume
+        for fraction in components
     )
     scale = 1e-9 if suffix == ".glb" else 1.0
     assert loaded.volume == pytest.approx(scale * expected, rel=1e-4)
-    assert len(loaded.split(only_watertight=True)) == len(parts)
+    assert len(loaded.split(only_watertight=True)) == len(components)
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
 def test_glb_keeps_the_pieces_apart_and_shaded(tmp_path: Path) -> None:
     path = tmp_path / "duct.glb"
-    path.write_bytes(mesh_content(parts_of(torn=True), ".glb"))
+    path.write_bytes(mesh_content(pieces_of(torn=True), ".glb"))
     scene = trimesh.load_scene(path)
     names = {"_".join(name.split("_")[:2]) for name in scene.geometry}
     assert names == {"first_piece", "second_piece"}

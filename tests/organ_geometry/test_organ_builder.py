@@ -400,12 +400,12 @@ def test_gaps_in_names(names: tuple[str, ...], jumps: dict[int, int]) -> None:
 def test_images_out_of_order_are_doubtful(cover: Cover, write_stack: WriteStack) -> None:
     places = [(40.0 + index, 45.0 + 0.02 * index**2) for index in range(20)]
     images = [disc(cover, 18.0 + 0.2 * index, place) for index, place in enumerate(places)]
-    said = "neighbouring images differ as much as any two do: they seem to be out of order"
+    message = "neighbouring images differ as much as any two do: they seem to be out of order"
     folder = write_stack(images, SPACING)
-    assert said not in build_organ(read_image_stack(folder)).warnings
+    assert message not in build_organ(read_image_stack(folder)).warnings
     for index, image in enumerate(np.random.default_rng(2).permutation(np.array(images))):
         cv2.imwrite(str(folder / f"slice_{index}.png"), image)
-    assert said in build_organ(read_image_stack(folder)).doubts
+    assert message in build_organ(read_image_stack(folder)).doubts
 
 
 def test_an_organ_of_which_a_third_is_lost_is_doubtful(
@@ -493,8 +493,8 @@ def test_the_fit_is_reported_along_the_normal_and_in_y(
                 own[place] += away @ away
         squares += own
         points += section.edge_points
-        said = [section.fit_normal_rms_mm, section.fit_algebraic_rms_mm]
-        np.testing.assert_allclose(said, np.sqrt(own / section.edge_points), rtol=1e-6)
+        message = [section.fit_normal_rms_mm, section.fit_algebraic_rms_mm]
+        np.testing.assert_allclose(message, np.sqrt(own / section.edge_points), rtol=1e-6)
         assert section.fit_normal_rms_mm < section.fit_algebraic_rms_mm
         assert section.fit_algebraic_rms_px == pytest.approx(section.fit_algebraic_rms_mm / 0.1)
     every = [built.fit_normal_rms_mm, built.fit_algebraic_rms_mm]

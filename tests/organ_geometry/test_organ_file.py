@@ -206,14 +206,14 @@ def test_bits_cost_what_their_odds_say() -> None:
 
 
 @pytest.mark.parametrize(
-    ("radius", "scale", "said"),
+    ("radius", "scale", "output"),
     [
         (2.5, 174.0, "is 10,... mm long and the most is 10,000 mm"),
         (60.0, 18.0, r"reaches 1,[01].. mm from its axis and the most is 1,000 mm"),
     ],
 )
 def test_an_organ_of_a_size_that_none_has_is_refused(
-    radius: float, scale: float, said: str
+    radius: float, scale: float, output: str
 ) -> None:
     def built(size: float) -> Organ:
         tube = [
@@ -221,6 +221,6 @@ def test_an_organ_of_a_size_that_none_has_is_refused(
         ]
         return encoded_organ(tube, 0.02 * size * radius).organ
 
-    with pytest.raises(OrganFileError, match=said):
+    with pytest.raises(OrganFileError, match=output):
         built(scale)
     assert built(0.9 * scale).length == pytest.approx(0.9 * scale * 60.0, rel=0.02)

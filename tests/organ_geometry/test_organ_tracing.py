@@ -90,7 +90,7 @@ def test_drawn_sections_are_traced_to_a_twentieth_of_a_pixel(
     for section, radius in zip(organ.sections, radii, strict=True):
         assert rms(circle_errors(section.outer, radius)) < EDGE_PX
         assert section.lumen is None
-        assert not section.other_part
+        assert not section.other_component
         level = 135.0 if dark else 120.0
         assert section.threshold / (257.0 if depth is np.uint16 else 1.0) == pytest.approx(
             level, abs=0.6
@@ -198,9 +198,9 @@ def test_the_seed_picks_the_organ(cover: Cover, write_stack: WriteStack) -> None
         assert len(organ.sections) == 4
         for section in organ.sections:
             assert rms(circle_errors(section.outer, radius, place)) < EDGE_PX
-            assert not section.other_part
+            assert not section.other_component
     unseeded = trace_organ(stack)
-    assert all(section.other_part for section in unseeded.sections)
+    assert all(section.other_component for section in unseeded.sections)
 
 
 @pytest.mark.parametrize("index", [0, 3, 7])
@@ -286,7 +286,7 @@ def test_a_split_is_named_and_followed_until_it_closes(
     disc = cover(SHAPE, CENTRE, (24.0, 24.0))
     halves = disc.copy()
     halves[:, 50:60] = 0.0
-    images = [drawn(part) for part in (disc, disc, halves, disc, disc)]
+    images = [drawn(shape) for shape in (disc, disc, halves, disc, disc)]
     organ = trace_organ(stack_of(write_stack, images))
     assert organ.problems.keys() == {2}
     assert organ.problems[2].startswith("the organ splits: beside the part that continues slice_")
@@ -339,7 +339,7 @@ def test_a_ring_that_opens_is_named(cover: Cover, write_stack: WriteStack) -> No
     ring = cover(SHAPE, CENTRE, (35.0, 35.0)) - cover(SHAPE, CENTRE, (25.0, 25.0))
     horseshoe = ring.copy()
     horseshoe[50:, 44:66] = 0.0
-    images = [drawn(part) for part in (ring, ring, ring, horseshoe, horseshoe)]
+    images = [drawn(shape) for shape in (ring, ring, ring, horseshoe, horseshoe)]
     organ = trace_organ(stack_of(write_stack, images), TraceOptions(seed=(54, 20)))
     assert all(section.lumen is not None for section in organ.sections)
     assert organ.problems == dict.fromkeys(
@@ -378,7 +378,7 @@ def test_nothing_at_the_seed_is_named_for_every_slice(
 def test_a_hole_in_one_slice_is_no_lumen(cover: Cover, write_stack: WriteStack) -> None:
     disc = cover(SHAPE, CENTRE, (30.0, 30.0))
     holed = disc - cover(SHAPE, CENTRE, (12.0, 12.0))
-    images = [drawn(part) for part in (disc, disc, holed, disc, disc, disc)]
+    images = [drawn(shape) for shape in (disc, disc, holed, disc, disc, disc)]
     organ = trace_organ(stack_of(write_stack, images))
     assert all(section.lumen is None for section in organ.sections)
     assert organ.notes[-1] == "a hole that no image nearby shows is no lumen: 2"

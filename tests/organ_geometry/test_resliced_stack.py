@@ -167,9 +167,9 @@ def straight(
     start: tuple[float, float, float], end: tuple[float, float, float], radius: float
 ) -> NDArray[np.float64]:
     points, first = places(SHAPE), np.array(start)
-    way = np.array(end) - first
-    along = np.clip(((points - first) @ way) / (way @ way), 0.0, 1.0)
-    return np.linalg.norm(points - first - along[..., None] * way, axis=-1) - radius
+    direction = np.array(end) - first
+    along = np.clip(((points - first) @ direction) / (direction @ direction), 0.0, 1.0)
+    return np.linalg.norm(points - first - along[..., None] * direction, axis=-1) - radius
 
 
 def test_the_seed_says_which_organ() -> None:
@@ -181,8 +181,8 @@ def test_the_seed_says_which_organ() -> None:
     rows, columns = stack.shape
     seed = (12 / PIXEL[0] + (columns - 1) / 2, -10 / PIXEL[1] + (rows - 1) / 2)
     assert own_axes(reslice_stack(stack, TraceOptions(seed=seed)).origins)[:, 0].min() > 0.0
-    half_way = (13.5 / PIXEL[0] + (columns - 1) / 2, (rows - 1) / 2, len(stack) // 2)
-    assert own_axes(reslice_stack(stack, TraceOptions(seed=half_way)).origins)[:, 0].min() > 0.0
+    midpoint = (13.5 / PIXEL[0] + (columns - 1) / 2, (rows - 1) / 2, len(stack) // 2)
+    assert own_axes(reslice_stack(stack, TraceOptions(seed=midpoint)).origins)[:, 0].min() > 0.0
     with pytest.raises(ImageStackError, match=r"the seed 2,3 is not on an organ in slice 1"):
         reslice_stack(stack, TraceOptions(seed=(2.0, 3.0, 1)))
     with pytest.raises(ImageStackError, match=r"the seed 2,3 is not on an organ in slice 0"):
@@ -321,7 +321,7 @@ def test_an_organ_hangs_together_over_its_images() -> None:
     stack = volume_stack(voxels)
     organ = organ_voxels(stack, trace_organ(stack), TraceOptions())
     assert organ.inside.sum() == 3 * 8 + 2 * 5 * 3 * 2
-    assert organ.parts.tolist() == [0, 1, 2, 2, 2, 2, 2, 0]
+    assert organ.components.tolist() == [0, 1, 2, 2, 2, 2, 2, 0]
     column, row, first = organ.corner
     depth, height, width = organ.levels.shape
     np.testing.assert_array_equal(

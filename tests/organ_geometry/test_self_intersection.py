@@ -26,16 +26,16 @@ def crossings(mesh: trimesh.Trimesh) -> int:
     apart = ~(ends[:, :, None] == faces[:, None, :]).any(axis=(1, 2))
     edge, face = edge[apart], face[apart]
     # Moeller and Trumbore (1997): the edge as a ray, hit within its own length.
-    origin, way = edges[edge, 0], edges[edge, 1] - edges[edge, 0]
+    origin, direction = edges[edge, 0], edges[edge, 1] - edges[edge, 0]
     first, second = (corners[face, k] - corners[face, 0] for k in (1, 2))
-    across = np.cross(way, second)
+    across = np.cross(direction, second)
     determinant = np.einsum("ij,ij->i", first, across)
     crossing = np.abs(determinant) > 1e-12
     scale = 1.0 / np.where(crossing, determinant, 1.0)
     offset = origin - corners[face, 0]
     u = np.einsum("ij,ij->i", offset, across) * scale
     turned = np.cross(offset, first)
-    v = np.einsum("ij,ij->i", way, turned) * scale
+    v = np.einsum("ij,ij->i", direction, turned) * scale
     along = np.einsum("ij,ij->i", second, turned) * scale
     inside = (u > 0.0) & (v > 0.0) & (u + v < 1.0) & (along > 0.0) & (along < 1.0)
     return int((crossing & inside).sum())

@@ -30,7 +30,7 @@ def radius_of(points: np.ndarray) -> float:
 
 
 def section(outer: np.ndarray, lumen: np.ndarray | None = None) -> TracedSection:
-    return TracedSection(0, outer, lumen, other_part=False, threshold=0.5)
+    return TracedSection(0, outer, lumen, other_component=False, threshold=0.5)
 
 
 @pytest.mark.parametrize("clockwise", [False, True])

@@ -13,12 +13,12 @@ from organ_geometry.mesh.tear import torn_pieces
 
 def bend(points: DrivingPoints, height: float) -> np.ndarray:
     """Transforms of an arch of some height across the x axis, in the x-z plane."""
-    part = points.stations / points.stations[-1]
-    out = np.empty((part.size, 3, 4))
-    slope = 16.0 * height / LENGTH * part * (1.0 - part) * (1.0 - 2.0 * part) * 2.0
+    fraction = points.stations / points.stations[-1]
+    out = np.empty((fraction.size, 3, 4))
+    slope = 16.0 * height / LENGTH * fraction * (1.0 - fraction) * (1.0 - 2.0 * fraction) * 2.0
     return points.transforms(
-        np.zeros_like(part),
-        16.0 * height * (part * (1.0 - part)) ** 2,
+        np.zeros_like(fraction),
+        16.0 * height * (fraction * (1.0 - fraction)) ** 2,
         np.arctan(slope),
         np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
         out,
@@ -77,9 +77,9 @@ def test_bent_skin_stays_closed_and_keeps_its_volume(wall: float | None) -> None
     assert bent.is_winding_consistent
     # Sections stay as they are and turn with the axis, so the volume grows with its length, by
     # Pappus: int sec(slope) dx is 1.10 here.
-    part = np.linspace(0.0, 1.0, 4001)
-    slope = 32.0 * 8.0 / LENGTH * part * (1.0 - part) * (1.0 - 2.0 * part)
-    longer = np.trapezoid(np.hypot(1.0, slope), part)
+    fraction = np.linspace(0.0, 1.0, 4001)
+    slope = 32.0 * 8.0 / LENGTH * fraction * (1.0 - fraction) * (1.0 - 2.0 * fraction)
+    longer = np.trapezoid(np.hypot(1.0, slope), fraction)
     assert bent.volume / mesh_of(skin).volume == pytest.approx(longer, rel=0.01)
 
 

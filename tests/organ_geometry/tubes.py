@@ -29,11 +29,11 @@ def tube(
     turn = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     calibre = np.array([1.0, 0.9, 1.0])
-    outer = np.stack([fit_half_curves(radius * part * circle).as_row() for part in calibre])
+    outer = np.stack([fit_half_curves(radius * fraction * circle).as_row() for fraction in calibre])
     lumen = None
     if wall is not None:
         lumen = np.stack(
-            [fit_half_curves((radius * part - wall) * circle).as_row() for part in calibre]
+            [fit_half_curves((radius * fraction - wall) * circle).as_row() for fraction in calibre]
         )
     axis = np.zeros((SECTIONS, 3))
     axis[:, 0] = np.linspace(0.0, LENGTH, SECTIONS)

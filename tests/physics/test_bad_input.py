@@ -82,6 +82,6 @@ def test_text_is_no_number_and_a_pull_says_where_it_is() -> None:
     beam = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
     for theory in (Cubic(), Exact()):
         pull = theory.pull(beam, 25.4).to_deflection(2.0)
-        said = repr(pull)
-        assert said.startswith(f"{type(pull).__name__}(grasp=25.4 mm, force=")
-        assert said.endswith(", deflection=2 mm)")
+        message = repr(pull)
+        assert message.startswith(f"{type(pull).__name__}(grasp=25.4 mm, force=")
+        assert message.endswith(", deflection=2 mm)")

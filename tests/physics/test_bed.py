@@ -174,10 +174,10 @@ def test_a_pull_is_watched_step_by_step() -> None:
 
     def watch(held: BeamOnBed) -> bool:
         places.append(held.places.copy())
-        way = held.strand_ends() - held.strands.feet
-        size = np.sqrt((way**2).sum(axis=1))
+        direction = held.strand_ends() - held.strands.feet
+        size = np.sqrt((direction**2).sum(axis=1))
         force = held.strands.forces(held.strand_ends(), held.strand_feet(), held.damage)
-        forces.append((force / size) @ way)
+        forces.append((force / size) @ direction)
         stresses, worst = held.stresses(), held.worst_stress()
         bending = np.hypot(stresses[..., 1], stresses[..., 2])
         assert (stresses[..., 0] + bending).max() == pytest.approx(worst.total, rel=1e-12)
@@ -463,10 +463,10 @@ def beam_stations_parted(beam: SpaceBeam, bed: Bed, history: History) -> np.ndar
     st.floats(2.0, 48.0),
     st.tuples(st.floats(-12, 12), st.floats(-12, 12), st.floats(-6, 18)),
 )
-def test_no_pull_is_lost(seed: int, at: float, way: tuple[float, float, float]) -> None:
+def test_no_pull_is_lost(seed: int, at: float, direction: tuple[float, float, float]) -> None:
     beam = SpaceBeam.of(DUCT, elements=24, nodes_at=[at])
     history = pull(
-        beam, replace(LAYER, seed=seed, strands=120), [Hand(at=at, path=(way,), steps=4)]
+        beam, replace(LAYER, seed=seed, strands=120), [Hand(at=at, path=(direction,), steps=4)]
     )
     balanced(history)
 
@@ -497,25 +497,25 @@ def test_a_strand_s_length_round_a_rod_never_jumps() -> None:
     rod = np.array([0.0, 0, 0, 0, 1, 0, 1, 1])
     touched = 0
     for _ in range(60):
-        start, way = random.normal(size=3) * 1.5 + [0, 6, 0], random.normal(size=3)
+        start, direction = random.normal(size=3) * 1.5 + [0, 6, 0], random.normal(size=3)
         foot = tuple(random.normal(size=3) * 2.0 + [0, 6, 0])
         before = None
-        for part in np.linspace(-3.0, 3.0, 300):
-            end = start + part * way
+        for fraction in np.linspace(-3.0, 3.0, 300):
+            end = start + fraction * direction
             side, length, by_end = path_round(tuple(end), foot, rod, 0)
             if not side & 1:
                 length = float(np.sqrt(((end - foot) ** 2).sum()))
             if before is not None:
                 # Beyond 1 where an end inside makes the rod thicker as it goes out.
-                most = 3.4 * 6.0 / 299 * float(np.sqrt(way @ way))
+                most = 3.4 * 6.0 / 299 * float(np.sqrt(direction @ direction))
                 assert abs(length - before) <= most
             touched += side & 1
             before = length
-            if side & 1 and part > 0.0:
-                ahead = path_round(tuple(end + 1e-6 * way), foot, rod, side)[1]
-                behind = path_round(tuple(end - 1e-6 * way), foot, rod, side)[1]
+            if side & 1 and fraction > 0.0:
+                ahead = path_round(tuple(end + 1e-6 * direction), foot, rod, side)[1]
+                behind = path_round(tuple(end - 1e-6 * direction), foot, rod, side)[1]
                 slope = (ahead - behind) / 2e-6
-                assert slope == pytest.approx(float(np.dot(by_end, way)), abs=1e-4)
+                assert slope == pytest.approx(float(np.dot(by_end, direction)), abs=1e-4)
     assert touched > 1000
 
 
@@ -527,7 +527,7 @@ def test_no_pull_is_lost_in_real_time(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         (lambda: Bed(stiffness=0.0, toughness=1.0), "stiffness of a bed must be above 0"),
         (lambda: Bed(stiffness=1.0, toughness=0.0), "toughness of a bed must be above 0"),
@@ -543,13 +543,13 @@ def test_no_pull_is_lost_in_real_time(seed: int) -> None:
         (lambda: SpaceBeam.of(DUCT, nodes_at=[9.0, 9.0]), "on top of one another"),
     ],
 )
-def test_what_is_wrong_is_named(wrong: object, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_what_is_wrong_is_named(wrong: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         wrong()  # type: ignore[operator]
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "message"),
     [
         (lambda b, _: b.tick(math.nan), "a tick must be above 0 s, got nan"),
         (lambda b, _: b.tick(math.inf), "a tick must be above 0 s, got inf"),
@@ -566,7 +566,7 @@ def test_what_is_wrong_is_named(wrong: object, said: str) -> None:
     ],
 )
 def test_what_is_wrong_in_real_time_leaves_the_state_as_it_was(
-    wrong: Callable[[BeamOnBed, int], object], said: str
+    wrong: Callable[[BeamOnBed, int], object], message: str
 ) -> None:
     beam = SpaceBeam.of(DUCT)
     live, same = (BeamOnBed(beam, LAYER.strands_under(beam), rods=1) for _ in range(2))
@@ -575,7 +575,7 @@ def test_what_is_wrong_in_real_time_leaves_the_state_as_it_was(
         each.lead(node, each.places[node] + [0.0, 0.0, 4.0])
         each.tick(0.2, ticks=200)
         if each is live:
-            with pytest.raises(ValueError, match=said):
+            with pytest.raises(ValueError, match=message):
                 wrong(each, node)
         each.lead(node, each.places[node] + [0.0, 0.0, 1.0])
         each.tick(0.1, ticks=100)

@@ -400,7 +400,12 @@ def numbers(*values: Any) -> list[np.ndarray]:
 def test_kernels_are_their_python_form(theory: Exact, grasp: float) -> None:
     solver = replace(theory, intervals=8).pull(DUCT, grasp)
     solver.to_force(2.0)
-    state, fibres, part, inside = solver._state, solver._fibres, solver._per_piece, solver._grasp
+    state, fibres, per_piece, inside = (
+        solver._state,
+        solver._fibres,
+        solver._per_piece,
+        solver._grasp,
+    )
     points, bounds, x = state[2], solver._bounds, np.linspace(0.0, float(solver._bounds[-1]), 5)
     five = (0.2, 0.9, -0.1, 0.05, 0.3)
     law_of = (1.2, 0.3, 2.0, 1.0, 0.1, 0.25, 0.04, 0.3, 0.3)
@@ -419,9 +424,9 @@ def test_kernels_are_their_python_form(theory: Exact, grasp: float) -> None:
         (newton.climb, state, fibres, inside, BY_DEFLECTION, 0.2),
         (newton.solve, state, fibres, inside, BY_DEFLECTION, 0.15),
         (newton.rest, state, fibres),
-        (fill_points, state, fibres, part, 2),
-        (sample, state, fibres, part, bounds, x, ends, samples),
-        (strain_energy, state, fibres, part),
+        (fill_points, state, fibres, per_piece, 2),
+        (sample, state, fibres, per_piece, bounds, x, ends, samples),
+        (strain_energy, state, fibres, per_piece),
     ]
     if fibres is None:
         calls.append((fill_linear, points, 0, 4, 0.1, 0.2))

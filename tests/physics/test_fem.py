@@ -150,9 +150,9 @@ def test_the_two_sides_balance_the_pull(
     """N = H cos(theta) + P sin(theta) with one H and one P on each side, and F the two P's sum."""
     grasp, delta = fraction * beam.span, relative * beam.span
     far = 1.0 - fraction
-    parts = np.array([0.0, 0.3 * fraction, 0.5 * fraction, 1.0 - 0.5 * far, 1.0 - 0.3 * far, 1.0])
+    pieces = np.array([0.0, 0.3 * fraction, 0.5 * fraction, 1.0 - 0.5 * far, 1.0 - 0.3 * far, 1.0])
     pulled = (
-        Fem(energetic=energetic).pull(beam, grasp).to_deflection(delta).sample(parts * beam.span)
+        Fem(energetic=energetic).pull(beam, grasp).to_deflection(delta).sample(pieces * beam.span)
     )
     tension, turn = pulled.normal_force, pulled.rotation
     scale = np.abs(tension).max() + pulled.force

@@ -87,14 +87,14 @@ def test_errors_against_ansys(table: Table, largest: float, mean: float) -> None
     assert np.mean(errors) < mean
 
 
-@pytest.mark.parametrize(("part", "largest"), [(0.5, 0.04), (0.3, 1.1), (0.2, 2.4)])
-def test_off_centre_it_is_near_the_elements(part: float, largest: float) -> None:
+@pytest.mark.parametrize(("piece", "largest"), [(0.5, 0.04), (0.3, 1.1), (0.2, 2.4)])
+def test_off_centre_it_is_near_the_elements(piece: float, largest: float) -> None:
     """Table 6.3's duct: the law was fitted to central pulls only; q = 0.5 is up to 10 % off.
 
     Up to a slope of a half: at 1 it is 4 % off at 30 % of the span, and 10 % at 20 %.
     """
     beam = beam_of(TABLE_6_3)
-    grasp = part * beam.span
+    grasp = piece * beam.span
     length, _ = lengths(beam, grasp)
     for slope in (0.01, 0.05, 0.15, 0.3, 0.5):
         delta = slope * length

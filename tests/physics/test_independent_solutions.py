@@ -40,9 +40,9 @@ def integrated(grasp: float, deflection: float, *, shear: bool) -> tuple[float, 
     def slopes(t: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:
         # Of both parts: places along and up, rotation and moment; p: forces along, and up in each.
         out: list[np.ndarray] = []
-        for part, s in enumerate(stations(t)):
-            _, _, theta, moment = y[4 * part : 4 * part + 4]
-            normal, across = resultants(theta, p[0], p[1 + part])
+        for index, s in enumerate(stations(t)):
+            _, _, theta, moment = y[4 * index : 4 * index + 4]
+            normal, across = resultants(theta, p[0], p[1 + index])
             area, second, sheared = (np.interp(s, AT, row) for row in (AREA, SECOND, SHEARED))
             longer = 1.0 + normal / (MODULUS * area)
             slides = across / (0.5 * MODULUS / (1.0 + POISSON) * sheared) if shear else 0.0 * s
@@ -51,7 +51,7 @@ def integrated(grasp: float, deflection: float, *, shear: bool) -> tuple[float, 
                 longer * cos - slides * sin, longer * sin + slides * cos,
                 moment / (MODULUS * second), slides * normal - longer * across,
             ]  # fmt: skip
-            out += [lengths[part] * row for row in rows]
+            out += [lengths[index] * row for row in rows]
         return np.array(out)
 
     def held(a: np.ndarray, b: np.ndarray, p: np.ndarray, goal: float) -> np.ndarray:
@@ -70,10 +70,10 @@ def integrated(grasp: float, deflection: float, *, shear: bool) -> tuple[float, 
     assert solved is not None
     fine, worst = np.linspace(0.0, 1.0, 400), 0.0
     y = solved.sol(fine)
-    for part, s in enumerate(stations(fine)):
+    for index, s in enumerate(stations(fine)):
         area, second, outer = (np.interp(s, AT, row) for row in (AREA, SECOND, OUTER))
-        normal, _ = resultants(y[4 * part + 2], p[0], p[1 + part])
-        worst = max(worst, float((normal / area + np.abs(y[4 * part + 3]) * outer / second).max()))
+        normal, _ = resultants(y[4 * index + 2], p[0], p[1 + index])
+        worst = max(worst, float((normal / area + np.abs(y[4 * index + 3]) * outer / second).max()))
     return float(p[1] - p[2]), worst
 
 
@@ -100,18 +100,18 @@ def held() -> tuple[BeamOnBed, int]:
 
 def test_forces_and_energy_do_not_depend_on_the_path_and_come_back() -> None:
     """Where no strand yields: by two ways to one place, there and back, and there again."""
-    ways = (
+    directions = (
         [(0.0, 0.0, 3.0), (2.0, 1.0, 5.0)],
         [(4.0, 0.0, 1.0), (4.0, 3.0, 4.0), (2.0, 1.0, 5.0)],
         [(2.0, 1.0, 5.0), (0.5, 0.2, 1.0), (2.0, 1.0, 5.0)],
     )
     ends: list[list[float]] = []
-    for way in ways:
+    for direction in directions:
         made, node = held()
         rest, before = made.rest_place(node), np.zeros(3)
-        for corner in way:
-            for part in np.linspace(0.1, 1.0, 10):
-                made.lead(node, rest + before + part * (np.array(corner) - before))
+        for corner in direction:
+            for index in np.linspace(0.1, 1.0, 10):
+                made.lead(node, rest + before + index * (np.array(corner) - before))
                 made.advance()
             before = np.array(corner)
         energy = made.energy
@@ -128,12 +128,12 @@ def test_small_pulls_of_two_hooks_are_reciprocal() -> None:
     nodes = first, made.take(36.0)
     lifted = [made.rest_place(node) + np.array([1.0, 0.5, 3.0]) for node in nodes]  # none is slack
 
-    def felt(moved: int, by: float) -> float:
+    def force_at(moved: int, by: float) -> float:
         for number, (node, place) in enumerate(zip(nodes, lifted, strict=True)):
             made.lead(node, place + np.array([0.0, 0.0, by * (number == moved)]))
         made.advance()
         return float(made.hand_force(nodes[1 - moved])[2])
 
-    felt(0, 0.0)
-    one, other = ((felt(each, 0.01) - felt(each, -0.01)) for each in (0, 1))
+    force_at(0, 0.0)
+    one, other = ((force_at(each, 0.01) - force_at(each, -0.01)) for each in (0, 1))
     assert one == pytest.approx(other, rel=1e-4)

@@ -323,11 +323,11 @@ def test_spring_forces_are_the_slope_of_the_energy() -> None:
     forces = np.empty((9, 2))
     spring_chain.spring_forces(chain._rest, chain._axial, chain._angular, chain._moved, forces)
     for mass in range(1, 8):
-        for way in range(2):
+        for direction in range(2):
             energies: list[float] = []
             for step in (-1e-5, 1e-5):
-                chain._moved[mass, way] += step
+                chain._moved[mass, direction] += step
                 energies.append(chain.strain_energy)
-                chain._moved[mass, way] -= step
+                chain._moved[mass, direction] -= step
             slope = (energies[1] - energies[0]) / 2e-5
-            assert -forces[mass, way] == pytest.approx(slope, rel=1e-6, abs=1e-7)
+            assert -forces[mass, direction] == pytest.approx(slope, rel=1e-6, abs=1e-7)

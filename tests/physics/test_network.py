@@ -100,9 +100,9 @@ def frame_matrix(made: BeamOnBed) -> Floats:
         nodes = made.nodes_of(name)
         for e in range(nodes.size - 1):
             i, j = int(nodes[e]), int(nodes[e + 1])
-            way = made.rest_places[j] - made.rest_places[i]
-            length = float(np.linalg.norm(way))
-            along = way / length
+            direction = made.rest_places[j] - made.rest_places[i]
+            length = float(np.linalg.norm(direction))
+            along = direction / length
             up = np.array([0, 0, 1.0]) - along[2] * along
             up /= np.linalg.norm(up)
             frame = np.kron(np.eye(4), np.stack([along, np.cross(up, along), up]))

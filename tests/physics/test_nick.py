@@ -45,8 +45,8 @@ def test_force_and_stress_are_those_of_the_library_s_tear(law: Law, at: float, s
         held = BeamOnBed(SpaceBeam.of(BAR, law=law, elements=60, nodes_at=[grasp]))
         node = held.take(grasp, along=(False, False, True))
         deepened(held, worst_at(at, 0.1 * side), depth)
-        for part in (0.25, 0.5, 0.75, 1.0):
-            held.lead(node, held.rest_place(node) + np.array([0.0, 0.0, part * deflection]))
+        for fraction in (0.25, 0.5, 0.75, 1.0):
+            held.lead(node, held.rest_place(node) + np.array([0.0, 0.0, fraction * deflection]))
             held.advance()
         assert held.hand_force(node)[2] == pytest.approx(pull.force, rel=1e-2)
         assert held.worst_stress().total == pytest.approx(stress, rel=2e-2)

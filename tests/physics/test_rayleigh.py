@@ -142,9 +142,9 @@ def test_compression_amplifies_until_it_buckles() -> None:
 
     middle = np.array([0.5 * LENGTH])
     alone = held.bend(distributed=sine).deflection(middle)
-    for part in (0.2, 0.5, 0.9, 0.99):
-        pressed = held.bend(distributed=sine, axial_force=-part * euler)
-        assert pressed.deflection(middle) / alone == pytest.approx(1.0 / (1.0 - part), rel=1e-4)
+    for fraction in (0.2, 0.5, 0.9, 0.99):
+        pressed = held.bend(distributed=sine, axial_force=-fraction * euler)
+        assert pressed.deflection(middle) / alone == pytest.approx(1.0 / (1.0 - fraction), rel=1e-4)
         balanced(pressed)
 
 

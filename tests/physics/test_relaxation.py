@@ -172,9 +172,9 @@ def test_a_duct_pulled_off_its_bed_while_all_relaxes_keeps_its_energy_balance(la
             strand_relaxation=TWO, wall_relaxation=ONE,
         )  # fmt: skip
         node = held.take(beam.span / 2)
-        way = np.array([1.0, 2.0, 7.0])
+        direction = np.array([1.0, 2.0, 7.0])
         for step in range(1, 21):
-            held.lead(node, held.rest_place(node) + way * step / 20)
+            held.lead(node, held.rest_place(node) + direction * step / 20)
             if real_time:
                 held.tick(0.1, ticks=50)
             else:
@@ -239,16 +239,16 @@ def test_a_pull_of_two_tubes_that_join_relaxes_as_that_of_one(law: Law) -> None:
     beyond = np.array([[25.0, 0.0, 0.0], [40.0, 0.0, 0.0]])
     second = SpaceBeam.of(short, law=law, elements=9, ends=("free", "clamped"), axis=beyond)
     two = Network({"a": first, "b": second}, [Join("b", 0, "a", 25.0)])
-    for way in (np.array([2.0, 0.0, 0.0]), np.array([0.5, 1.5, 4.0])):
+    for direction in (np.array([2.0, 0.0, 0.0]), np.array([0.5, 1.5, 4.0])):
         found: list[list[float]] = []
         for made in (BeamOnBed(one, wall_relaxation=TWO), BeamOnBed(two, wall_relaxation=TWO)):
             node = made.take(10.0)
-            made.lead(node, made.rest_place(node) + way)
+            made.lead(node, made.rest_place(node) + direction)
             made.advance()
             at_once = made.hand_force(node).copy()
             made.advance(7.0)
             after = made.hand_force(node)
-            if not way[1:].any():
+            if not direction[1:].any():
                 assert after[0] == pytest.approx(TWO.stiffness(7.0) * at_once[0], rel=1e-6)
             assert abs(made.energy.residual) < 1e-4 * made.energy.work
             assert made.energy.viscous > 0.0
@@ -317,7 +317,7 @@ FACTORS = one_strand(ONE)
 
 
 @pytest.mark.parametrize(
-    ("fractions", "times", "said"),
+    ("fractions", "times", "message"),
     [
         ((0.4,), (0.0,), "a time of a relaxation must be above 0 s, got 0"),
         ((0.4,), (-1.0,), "a time of a relaxation must be above 0 s"),
@@ -329,9 +329,9 @@ FACTORS = one_strand(ONE)
     ],
 )
 def test_an_impossible_relaxation_is_one_sentence(
-    fractions: tuple[float, ...], times: tuple[float, ...], said: str
+    fractions: tuple[float, ...], times: tuple[float, ...], message: str
 ) -> None:
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         Relaxation(fractions, times)
 
 

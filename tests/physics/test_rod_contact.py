@@ -88,8 +88,8 @@ def test_a_beam_over_a_round_post() -> None:
     _, _, half = shape(tension)
     # What bending rounds off where the arc begins: sqrt(E I/T) = 0.05 mm of 5.6 mm.
     assert live.rod_force(0)[2] == pytest.approx(2.0 * tension * math.sin(half), rel=4e-3)
-    way = np.diff(live.places[:, [0, 2]], axis=0)
-    angles = np.arctan2(way[:, 1], way[:, 0])
+    direction = np.diff(live.places[:, [0, 2]], axis=0)
+    angles = np.arctan2(direction[:, 1], direction[:, 0])
     assert angles[0] - angles[-1] == pytest.approx(2.0 * half, rel=4e-3)
 
 
@@ -181,9 +181,9 @@ def test_no_rod_is_pushed_through_a_duct_in_equilibrium(
 
 
 @pytest.mark.parametrize("ticks", [1, 5, 30])
-@pytest.mark.parametrize(("begin", "way"), [(8.0, -25.0), (-7.0, 45.0)])
+@pytest.mark.parametrize(("begin", "direction"), [(8.0, -25.0), (-7.0, 45.0)])
 def test_a_rod_is_held_back_where_no_hand_could_press_so_hard(
-    ticks: int, begin: float, way: float
+    ticks: int, begin: float, direction: float
 ) -> None:
     """Led by 25 and 45 mm in some ticks into a duct on a bed: it goes on as the duct gives way."""
     beam = SpaceBeam.of(DUCT, elements=40)
@@ -191,7 +191,7 @@ def test_a_rod_is_held_back_where_no_hand_could_press_so_hard(
     live.set_rod(0, (25.4, FAR, begin), ACROSS, 1.2)
     side = turns(live, 25.4, begin)
     for now in range(1, ticks + 1):
-        live.lead_rod(0, (25.4, FAR, begin + way * now / ticks))
+        live.lead_rod(0, (25.4, FAR, begin + direction * now / ticks))
         live.tick(1e-3)
         # What a hand can, and by how much more the last part of a way presses.
         assert np.abs(live.rod_contact(0)).max() < 300.0
@@ -200,7 +200,7 @@ def test_a_rod_is_held_back_where_no_hand_could_press_so_hard(
     # The bed below it would answer with 60 N.
     pressed = float(np.sqrt((live.rod_contact(0) ** 2).sum()))
     assert pressed < 1.1 * kernels.HELD_BACK
-    assert z == pytest.approx(begin + way, abs=1e-12) or pressed > 0.9 * kernels.HELD_BACK
+    assert z == pytest.approx(begin + direction, abs=1e-12) or pressed > 0.9 * kernels.HELD_BACK
     assert turns(live, x, z) == side
     energy = live.energy
     # Without `retrace` up to 0.13 % is open.
@@ -230,12 +230,12 @@ def test_a_rod_that_jumps_over_the_duct_and_its_strands_in_one_tick_meets_both()
     assert live.energy.work > slow.energy.work > 0.0
 
 
-@pytest.mark.parametrize("way", [lambda b: b.advance(), lambda b: b.tick(1.0, ticks=1000)])
-def test_contact_within_the_penalty_is_as_it_was(way: Callable[[BeamOnBed], None]) -> None:
+@pytest.mark.parametrize("direction", [lambda b: b.advance(), lambda b: b.tick(1.0, ticks=1000)])
+def test_contact_within_the_penalty_is_as_it_was(direction: Callable[[BeamOnBed], None]) -> None:
     """The core is reached past half of R + r: until then nothing of it enters."""
     live = on_rod(SpaceBeam.of(DUCT, elements=40), 25.4, 6.0, 1.2)
     live.lead_rod(0, (25.4, FAR, 4.0))
-    way(live)
+    direction(live)
     assert live.rod_contact(0)[2] < -0.1
     assert live.state.sums[kernels.CLEAR] == pytest.approx(
         0.4 * 0.5 * (0.5 * 8.89 + 1.2), rel=1e-12
@@ -256,5 +256,5 @@ def test_hands_that_tremble_or_leap_make_no_snap_below_zero(millimetres: float) 
         assert energy.drag >= 0.0
         before = energy.snap
     energy = live.energy
-    parts = energy.stored + energy.dissipated + energy.snap + energy.drag + energy.lag
-    assert energy.work == pytest.approx(parts + energy.residual, rel=1e-12)
+    energies = energy.stored + energy.dissipated + energy.snap + energy.drag + energy.lag
+    assert energy.work == pytest.approx(energies + energy.residual, rel=1e-12)

@@ -119,9 +119,9 @@ def test_distance_to_break_runs_from_one_to_zero() -> None:
     stations = critical_stations(DUCT, 25.4)
     distances = [
         check_rupture(
-            Cubic().pull(DUCT, 25.4).to_force(part * BREAK).sample(stations), threshold
+            Cubic().pull(DUCT, 25.4).to_force(fraction * BREAK).sample(stations), threshold
         ).distance_to_break
-        for part in (0.0, 0.25, 0.5, 0.75, 1.0, 1.1)
+        for fraction in (0.0, 0.25, 0.5, 0.75, 1.0, 1.1)
     ]
     assert distances[0] == 1.0
     assert distances[4] == pytest.approx(0.0, abs=1e-12)

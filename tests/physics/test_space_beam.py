@@ -161,19 +161,21 @@ def test_bathe_s_bend() -> None:
     assert orders.min() > 1.8
 
 
-@pytest.mark.parametrize("way", [0, 1, 2])
-def test_a_quarter_circle_bends_and_twists_as_castigliano_says(way: int) -> None:
+@pytest.mark.parametrize("direction", [0, 1, 2])
+def test_a_quarter_circle_bends_and_twists_as_castigliano_says(direction: int) -> None:
     radius, bending, twisting, size = 40.0, 100.0, 70.0, 1e-5
     angles = np.linspace(0.0, math.pi / 2.0, 25)
     axis = radius * np.stack([np.sin(angles), 0.0 * angles, 1.0 - np.cos(angles)], axis=1)
     rows = np.array([1e4, 1e5, 1e5, twisting, bending, bending])
     beam = SpaceBeam.from_axis(axis=axis, elements=100, ends=("clamped", "free"), stiffness=rows)
     force = [0.0, 0.0, 0.0]
-    force[way] = size
+    force[direction] = size
     history = pull(beam, None, [Hand(at=beam.span, path=(tuple(force),), by="force", steps=1)])  # type: ignore[arg-type]
     far = 0.75 * math.pi - 2.0
-    expected = (math.pi / 4 / bending, math.pi / 4 / bending + far / twisting, far / bending)[way]
-    assert history.hands[-1, 0, way] == pytest.approx(size * radius**3 * expected, rel=5e-4)
+    expected = (math.pi / 4 / bending, math.pi / 4 / bending + far / twisting, far / bending)[
+        direction
+    ]
+    assert history.hands[-1, 0, direction] == pytest.approx(size * radius**3 * expected, rel=5e-4)
     # Its arc is not straight to the end of the step: half the force times the way is off by more.
     assert history.residual_ratio < 1e-4
 
@@ -257,10 +259,10 @@ def test_a_wall_breaks_in_space_as_in_the_plane_and_in_the_library(
 
 @given(
     stiffening=st.floats(1e-6, 200.0),
-    part=st.floats(1e-9, MOST),
+    piece=st.floats(1e-9, MOST),
 )
-def test_the_exponential_of_kernels_is_the_exponential(stiffening: float, part: float) -> None:
-    strain = part / stiffening
+def test_the_exponential_of_kernels_is_the_exponential(stiffening: float, piece: float) -> None:
+    strain = piece / stiffening
     found = exponential_stress(strain, stiffening, MOST / stiffening)
     with localcontext() as context:
         context.prec = 60

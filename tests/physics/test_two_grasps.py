@@ -109,8 +109,8 @@ def test_force_and_displacement_are_each_others_inverse(
 def test_the_work_of_both_hands_is_stored(law: Law) -> None:
     two = duct(15.0, 35.0, law)
     held: list[tuple[float, float, float, float]] = []
-    for part in np.linspace(0.0, 1.0, 801).tolist():
-        two.hold(to(10.0 * part), to(7.0 * math.sin(2.0 * part)))
+    for fraction in np.linspace(0.0, 1.0, 801).tolist():
+        two.hold(to(10.0 * fraction), to(7.0 * math.sin(2.0 * fraction)))
         held.append((two.deflection, two.second_deflection, two.force, two.second_force))
     at = np.array(held)
     work = float(np.sum(0.5 * (at[1:, 2:] + at[:-1, 2:]) * np.diff(at[:, :2], axis=0)))

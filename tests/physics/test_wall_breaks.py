@@ -117,8 +117,8 @@ def test_a_pull_in_the_plane_tears_every_duct_too(
         assert chord < most * beam.span
         seen = 0.0
         solver.rest()
-        for part in np.linspace(0.05, 1.0, 20):
-            pulled = solver.to_deflection(part * d).sample(np.linspace(0.0, beam.span, 81))
+        for piece in np.linspace(0.05, 1.0, 20):
+            pulled = solver.to_deflection(piece * d).sample(np.linspace(0.0, beam.span, 81))
             fraction = float(pulled.total_stress.max()) / strength
             assert fraction >= min(seen, 1.0) - may_lose
             seen = max(seen, fraction)

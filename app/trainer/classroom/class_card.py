@@ -64,15 +64,15 @@ def stair(levels: Sequence[LevelStanding], now: LevelStanding | None) -> str:
         f"{COLOURS['next' if each is now else each.state]}'></span>"
         for place, each in enumerate(levels)
     )
-    parts = [
+    lines = [
         f"<span role='img' aria-label='{done} of {len(levels)} levels mastered' "
         f"style='display:block;height:30px'>{steps}</span>"
     ]
     if now is None:
-        parts.append("All levels are mastered. They come again after some weeks.")
+        lines.append("All levels are mastered. They come again after some weeks.")
     else:
         number = 1 + next(place for place, each in enumerate(levels) if each is now)
-        parts.append(
+        lines.append(
             f"Level {number} of {len(levels)}: <b>{html.escape(now.title)}</b>. "
             + (
                 "It was mastered; one pass shows that it is kept."
@@ -81,10 +81,10 @@ def stair(levels: Sequence[LevelStanding], now: LevelStanding | None) -> str:
             )
         )
         if now.last:
-            parts.append(f"<br>Last: {html.escape(now.last)}")
+            lines.append(f"<br>Last: {html.escape(now.last)}")
         if now.seed is not None:
-            parts.append("<br>Each try is another case. <i>Try again</i> is practice on the same.")
-    return "".join(parts)
+            lines.append("<br>Each try is another case. <i>Try again</i> is practice on the same.")
+    return "".join(lines)
 
 
 class ClassCard:
@@ -112,14 +112,14 @@ class ClassCard:
         """Show a card."""
         new = card.name is None
         who = "" if new else f"<b data-testid='class-name'>{html.escape(card.name or '')}</b> · "
-        parts = [note(f"{who}{html.escape(card.title)}", "class-title")]
+        lines = [note(f"{who}{html.escape(card.title)}", "class-title")]
         if new:
-            parts.append(note(WHY_A_NAME))
+            lines.append(note(WHY_A_NAME))
         if card.levels and not new:
-            parts.append(note(stair(card.levels, card.level), "class-levels"))
+            lines.append(note(stair(card.levels, card.level), "class-levels"))
         if card.exercise and not new:
-            parts.append(note(card.exercise, "class-exercise"))
-        set_if_changed(self._text, content="".join(parts))
+            lines.append(note(card.exercise, "class-exercise"))
+        set_if_changed(self._text, content="".join(lines))
         set_if_changed(self._name, visible=new)
         set_if_changed(self._join, visible=new)
         label = START if card.level is None else START_TRY

@@ -61,7 +61,7 @@ class HapticHand:
             if state is not None and servo.ended is None:
                 state.give_hook(servo.device, self._hands)
         if state is None:
-            self._feel(None, None)
+            self._render(None, None)
             return
         if (why := servo.ended) is not None:
             if state.device is not None:
@@ -81,17 +81,17 @@ class HapticHand:
         self._leave()
         self._servo.stop()
 
-    def _feel(self, source: object, setting: HapticSetting | None) -> None:
+    def _render(self, source: object, setting: HapticSetting | None) -> None:
         # One duct at a time: the pipe has no room for two, and the clock is not to wait.
         taken = setting is None or self._servo.snapshot().generation == self._generation
         if source != self._rendered and taken:
             self._rendered = source
-            self._generation = self._servo.feel(setting)
+            self._generation = self._servo.render(setting)
 
     def _end_force(self) -> None:
         """Feel nothing; the force of what has torn in the servo as well goes off softly there."""
         if not self._servo.snapshot().torn:
-            self._feel(None, None)
+            self._render(None, None)
 
     def _snapshot(self) -> Snapshot | None:
         """Return the state of what is felt, if it is the last setting."""
@@ -114,7 +114,7 @@ class HapticHand:
         if watching:
             self._let_go(state)
         setting = None if watching else setting_of(session)
-        self._feel(
+        self._render(
             setting
             and (session.tissue.dissection, setting.theory, setting.grasp, setting.threshold),
             setting,
@@ -147,7 +147,7 @@ class HapticHand:
             return
         if self._rendered != (duct, run):
             self._let_go(state)
-            self._feel((duct, run), self._in_space(session))
+            self._render((duct, run), self._in_space(session))
         self._lead_other(state)
         snapshot = self._snapshot()
         if snapshot is None:

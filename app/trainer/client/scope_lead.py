@@ -290,7 +290,7 @@ class ScopeLead:
     def _uses(self) -> Mapping[Instrument, Callable[[], object]]:
         return {
             "hook": self._take_or_let_go, "grasper": self._take_or_let_go,
-            "dissector": self._part_or_close, "right angle": self._part_or_close,
+            "dissector": self._open_or_close, "right angle": self._open_or_close,
             "swab": lambda: self._state.refuse(SWEEPS),
             "clip applier": lambda: self._close(self.session.clip),
             "scissors": lambda: self._close(self.session.divide),
@@ -310,7 +310,7 @@ class ScopeLead:
         elif state.session.grab(hand, found[1], found[0]) is None:
             state.refuse(ENDS)
 
-    def _part_or_close(self) -> None:
+    def _open_or_close(self) -> None:
         opened = self._state.hands[self.hand].target_opening
         self.open_more(-opened if opened > 0.0 else SPREAD)
 

@@ -180,7 +180,7 @@ class Connections:
 
 @dataclass(slots=True)
 class _Upload:
-    parts: int  # as announced
+    chunks: int  # as announced
     size_bytes: int
     came: set[int] = field(default_factory=set[int])
     bytes_came: int = 0
@@ -286,8 +286,8 @@ class PageConnection(ServerConnection):
         kind = type(message).__name__
         if kind == "FileTransferStartUpload":
             # Whole numbers as viser makes them of these, and like it a second start replaces one.
-            size, parts = int(message.size_bytes), int(message.part_count)
-            if not 0 <= parts <= size:
+            size, chunks = int(message.size_bytes), int(message.part_count)
+            if not 0 <= chunks <= size:
                 raise msgspec.ValidationError("parts of nothing")
             before = self._uploads.get(message.transfer_uuid)
             more = size - (0 if before is None else before.size_bytes)
@@ -303,8 +303,8 @@ class PageConnection(ServerConnection):
                     f"{mine // MIB} MiB at a time, and less while many do.",
                 )
                 return False
-            self._uploads[message.transfer_uuid] = _Upload(parts, size)
-            if parts == 0:
+            self._uploads[message.transfer_uuid] = _Upload(chunks, size)
+            if chunks == 0:
                 del self._uploads[message.transfer_uuid]
         elif kind == "FileTransferPart":
             upload = self._uploads.get(message.transfer_uuid)
@@ -313,10 +313,10 @@ class PageConnection(ServerConnection):
             upload.came.add(int(message.part_index))
             upload.bytes_came += len(message.content)
             if upload.bytes_came > upload.size_bytes or not (
-                0 <= message.part_index < upload.parts
+                0 <= message.part_index < upload.chunks
             ):
                 raise msgspec.ValidationError("more than was announced")
-            if len(upload.came) == upload.parts:
+            if len(upload.came) == upload.chunks:
                 del self._uploads[message.transfer_uuid]
         return True
 

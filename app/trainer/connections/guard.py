@@ -206,7 +206,7 @@ class Guard:
 
     @staticmethod
     def _browser(cookies: list[str], name: str, token: str) -> str | None:
-        for each in (part.strip() for line in cookies for part in line.split(";")):
+        for each in (cookie.strip() for line in cookies for cookie in line.split(";")):
             called, _, value = each.partition("=")
             browser = value.partition(".")[0]
             if called == name and browser.isascii() and _same(value, _cookie(token, browser)):
@@ -232,17 +232,19 @@ def is_loopback(host: str) -> bool:
 
 def _public(url: str) -> SplitResult:
     """Return the parts of a public URL, without a slash at its end."""
-    parts = urlsplit(url.rstrip("/"))
-    plain = _PATH.fullmatch(parts.path) and not (parts.query or parts.fragment or parts.username)
-    if parts.scheme not in ("http", "https") or not parts.netloc or not plain:
+    address = urlsplit(url.rstrip("/"))
+    plain = _PATH.fullmatch(address.path) and not (
+        address.query or address.fragment or address.username
+    )
+    if address.scheme not in ("http", "https") or not address.netloc or not plain:
         raise ValueError(f"--public-url must be like https://class.example/duct/, not {url}")
-    return parts._replace(netloc=parts.netloc.lower())
+    return address._replace(netloc=address.netloc.lower())
 
 
 def _names_loopback(host: str) -> bool:
     """Return whether a Host header, on whatever port, is loopback's: a tunnel has its own port."""
-    parts = _HOST.fullmatch(host)
-    return parts is not None and is_loopback(parts["six"] or parts["name"] or "")
+    address = _HOST.fullmatch(host)
+    return address is not None and is_loopback(address["six"] or address["name"] or "")
 
 
 def _same(given: str, wanted: str) -> bool:

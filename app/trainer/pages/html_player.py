@@ -196,8 +196,8 @@ def _recorded(
         center = hooks[key]
         place: HookPlace | None = None
         if is_whole:
-            share = 1.0 - motion.readings[key].check.distance_to_break
-            center = np.add(center, (0.0, 0.0, sink(share, stage.radius)))
+            used = 1.0 - motion.readings[key].check.distance_to_break
+            center = np.add(center, (0.0, 0.0, sink(used, stage.radius)))
             if motion.bed is None or motion.readings[key].held:
                 middle = first + dissection.frame @ center
                 place = HookPlace(middle, dissection.frame, stage.radius)

@@ -37,7 +37,7 @@ class CaseTab:
         gui.add_html(note(_TELLING))
         self._picture = gui.add_html("")
         self._tube = gui.add_dropdown("Tube", case.tubes, hint="Its ends are marked 0 and 1")
-        self._part = gui.add_checkbox("Part of the case", True)
+        self._included = gui.add_checkbox("Part of the case", True)
         self._ends = [
             gui.add_dropdown(f"End {end}", ["free"], hint="How it is held, or what it joins")
             for end in _ENDS
@@ -56,7 +56,7 @@ class CaseTab:
         self._saved = gui.add_html("")
         self.show()
         on_work(self._tube, lambda _: self.show())
-        on_work(self._part, self._take_part)
+        on_work(self._included, self._include)
         on_work(self._artery, lambda on: self._change(lambda: case.draw_artery(on is True)))
         for end, field in zip(_ENDS, self._ends, strict=True):
             on_work(field, lambda value, end=end: self._choose_end(end, value))
@@ -67,7 +67,7 @@ class CaseTab:
         """Show the case as it is now."""
         case, tube = self._case, self._tube.value
         there = tube not in case.choices.without
-        self._part.value = there
+        self._included.value = there
         others = [f"{_JOINS}{name}" for name in case.tubes if name != tube]
         others = [each for each in others if each.removeprefix(_JOINS) not in case.choices.without]
         for end, field in zip(_ENDS, self._ends, strict=True):
@@ -86,7 +86,7 @@ class CaseTab:
         self._standing.content = _standing(case)
         self._saved.content = ""
 
-    def _take_part(self, value: object) -> None:
+    def _include(self, value: object) -> None:
         tube = self._tube.value
         self._change(lambda: self._case.leave_out(tube, value is not True))
 

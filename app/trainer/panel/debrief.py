@@ -50,12 +50,12 @@ class Done(NamedTuple):
 
 def where(each: Incident, *, hands: bool) -> str:
     """Return by which hand and where an error was made, in a few words; one hand needs no name."""
-    parts = [HANDS[each.hand]] if hands and each.hand is not None else []
+    phrases = [HANDS[each.hand]] if hands and each.hand is not None else []
     if each.station_mm is not None:
-        parts.append(f"at {each.station_mm:.0f} mm")
+        phrases.append(f"at {each.station_mm:.0f} mm")
     if each.consequence != "none":
-        parts.append(each.consequence)
-    return ", ".join(parts)
+        phrases.append(each.consequence)
+    return ", ".join(phrases)
 
 
 def next_time(
@@ -149,16 +149,16 @@ def add_debrief(
         if rows
         else "<p data-testid='errors'>No errors were found in this run.</p>"
     )
-    parts = [_numbers_html(done, expert, limits, marks)]
+    phrases = [_numbers_html(done, expert, limits, marks)]
     if len(series["time_s"]):
         limit = limits.get("peak_stress_ratio")
-        parts.append(_timeline_html(series, expert, same, limit, incidents, moments, in_space))
+        phrases.append(_timeline_html(series, expert, same, limit, incidents, moments, in_space))
     gui.add_html(
         "<div style='padding:0 12px 8px;font-size:13px;line-height:1.4'>"
         f"<p data-testid='next-time' style='margin:0 0 6px;font-size:14px'><b>Next time:</b> "
         f"{html.escape(advice)}</p>"
         f"<div style='display:flex;flex-wrap:wrap;gap:4px 12px;align-items:flex-start'>"
-        f"{''.join(parts)}</div>{errors}</div>"
+        f"{''.join(phrases)}</div>{errors}</div>"
     )
 
     def forget() -> None:
@@ -253,8 +253,8 @@ def _timeline_html(
     def x(seconds: float) -> float:
         return LEFT + min(seconds / end, 1.0) * (WIDTH - LEFT - 6.0)
 
-    def y(part: float) -> float:
-        return HEIGHT - min(max(part, 0.0), 1.0) * (HEIGHT - 8.0)
+    def y(level: float) -> float:
+        return HEIGHT - min(max(level, 0.0), 1.0) * (HEIGHT - 8.0)
 
     even = np.linspace(0, len(time) - 1, min(len(time), MOST_POINTS)).round().astype(int)
     index = np.unique(np.append(even, int(np.argmax(fraction))))  # the peak is what counts
@@ -265,24 +265,24 @@ def _timeline_html(
             for t, s in zip(time[index], values[index], strict=True)
         )
 
-    parts = [
+    phrases = [
         f"<path d='M{LEFT} {y(0.0)}H{WIDTH}M{LEFT} {y(1.0)}H{WIDTH}' stroke='currentColor' "
         "opacity='.3' fill='none'/>",
     ]
     words = "Stress of the wall, % of break, over time in s; below it errors, by hand."
     if same is not None and expert is not None:
         beside = np.interp(same, expert.series["time_s"], _fraction(expert.series))
-        parts.append(
+        phrases.append(
             f"<polyline points='{curve(beside)}' fill='none' stroke='currentColor' opacity='.5' "
             "stroke-dasharray='2 3' data-testid='expert-curve'/>"
         )
         words += " Dotted: the scripted expert with as much free."
-    parts.append(
+    phrases.append(
         f"<polyline points='{curve(fraction)}' fill='none' stroke='{DISTANCE_COLOUR}' "
         "stroke-width='2'/>"
     )
     if limit is not None:
-        parts.append(
+        phrases.append(
             f"<path d='M{LEFT} {y(limit):.1f}H{WIDTH}' stroke='{LIMIT_COLOUR}' "
             "stroke-dasharray='6 4' fill='none'/>"
         )
@@ -291,29 +291,29 @@ def _timeline_html(
             x(end) - x(0.0)
         )
         ticks = "".join(f"M{place:.1f} {HEIGHT}v3" for place in np.unique(parted.round(1)))
-        parts.append(f"<path d='{ticks}' stroke='currentColor' opacity='.6' fill='none'/>")
+        phrases.append(f"<path d='{ticks}' stroke='currentColor' opacity='.6' fill='none'/>")
         words += " Ticks: strands break."
-    parts += [
-        f"<text x='{LEFT - 4}' y='{y(part) + 4:.1f}' text-anchor='end'>{100 * part:.0f}</text>"
-        for part in (0.0, 1.0)
+    phrases += [
+        f"<text x='{LEFT - 4}' y='{y(level) + 4:.1f}' text-anchor='end'>{100 * level:.0f}</text>"
+        for level in (0.0, 1.0)
     ]
     rows = HANDS if in_space else ("errors",)
     for number, (each, uuid) in enumerate(zip(incidents, moments, strict=True), 1):
         row = each.hand if in_space and each.hand is not None else 0
         top = HEIGHT + 5.0 + ROW * row
         start, stop = x(each.start_s), max(x(each.end_s), x(each.start_s) + 3.0)
-        parts.append(
+        phrases.append(
             f"<g data-command='{uuid}' style='cursor:pointer'>"
             f"<rect x='{start:.1f}' y='{top}' width='{stop - start:.1f}' height='{ROW - 5}' "
             f"rx='2' fill='{HAND_COLOURS[row]}'/><text x='{stop + 2:.1f}' y='{top + 9}'>{number}"
             "</text></g>"
         )
     bottom = HEIGHT + 7.0 + ROW * len(rows)
-    parts += [
+    phrases += [
         f"<text x='{LEFT - 4}' y='{HEIGHT + 14 + ROW * row}' text-anchor='end'>{name}</text>"
         for row, name in enumerate(("left", "right") if in_space else ("",))
     ]
-    parts += [
+    phrases += [
         f"<text x='{x(at):.1f}' y='{bottom + 10}' text-anchor='{anchor}'>{at:.3g}</text>"
         for at, anchor in ((0.0, "middle"), (end, "end"))
     ]
@@ -325,7 +325,7 @@ def _timeline_html(
         "<div data-testid='debrief' style='flex:1 1 190px;max-width:320px'>"
         f"<svg viewBox='0 0 {WIDTH:g} {bottom + 14:g}' width='100%' role='img' "
         f"aria-label='{label}' font-size='10' fill='currentColor' data-testid='timeline'>"
-        f"{''.join(parts)}</svg><small>{words}</small></div>"
+        f"{''.join(phrases)}</svg><small>{words}</small></div>"
     )
 
 

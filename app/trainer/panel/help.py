@@ -114,7 +114,7 @@ def keys_of(session: Session) -> tuple[Key, ...]:
 
 def _help(session: Session) -> str:
     in_plane, in_bed = session.specimen.theory is not None, session.specimen.bed is not None
-    parts = [
+    sections = [
         _BED_GOAL if in_bed else _FREE_GOAL,
         _FORCE if in_plane else _HANDS,
         *([_BED_FIGURES] if in_bed else []),
@@ -127,7 +127,7 @@ def _help(session: Session) -> str:
         else "- **Ctrl+Arrows** turn the view; **Arrows** on a slider move it"
     )
     listed = "\n".join(f"- **{key.name}** {key.title}: {key.meaning}" for key in keys_of(session))
-    about = "\n".join(parts)
+    about = "\n".join(sections)
     return (
         f"{about}\n**Words** with dots under them, and measures with a question mark, explain "
         "themselves: rest the\nmouse on them, or click.\n\n**Keys**\n\n"

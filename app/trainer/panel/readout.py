@@ -156,7 +156,7 @@ def _cells(reading: Reading) -> list[str]:
         return hands + stresses
     energy = reading.energy
     # The first touch is all stretch: nothing is said of less than a hundredth of a millijoule.
-    part = (
+    percent = (
         100.0 * min(max(energy.dissipated / energy.work, 0.0), 1.0) if energy.work > 0.01 else None
     )
     return [
@@ -165,7 +165,7 @@ def _cells(reading: Reading) -> list[str]:
         *hands,
         _cell(
             term("Economy of work", ENERGY),
-            "–" if part is None else f"{part:.0f}",
+            "–" if percent is None else f"{percent:.0f}",
             f"% of {energy.work:.1f} mJ",
         ),
     ]

@@ -72,12 +72,12 @@ TURN = 0.15
 """rad that a key turns jaws or cable by."""
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
 YOU_HOLD = "You hold the scope. V gives it back to the assistant."
-PART = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
+SPREAD = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
 HOW: Mapping[Instrument, str] = {
     "hook": "Bring it to a tube, take hold with the right button or G, and pull gently.",
     "grasper": "Take hold with the right button or G, and drag. It stays where it is left.",
-    "dissector": f"{PART} Close them, and again deeper. J and L turn them about the shaft.",
-    "right angle": f"{PART} Its bent tip passes behind a tube: J and L turn it.",
+    "dissector": f"{SPREAD} Close them, and again deeper. J and L turn them about the shaft.",
+    "right angle": f"{SPREAD} Its bent tip passes behind a tube: J and L turn it.",
     "swab": "Wipe along a tube: strands part before its soft tip.",
     "clip applier": "Bring the open jaws past a freed tube on either side, then the right button "
     "or G. J and L turn them.",

@@ -21,7 +21,7 @@ class GhostMesh(Drawn):
     """The ghost, translucent over the duct, with the same skin. Hidden until it is made visible."""
 
     def __init__(self, scene: viser.SceneApi, skin: Skin) -> None:
-        self._outer, faces = skin.part("outer")
+        self._outer, faces = skin.side("outer")
         self._mesh = add_mesh(
             scene,
             "/organ/ghost",

@@ -214,7 +214,7 @@ class ScopeScene:
             "nudge": (3, led.nudge), "push": (3, led.push_handle), "stop": (0, led.stop),
             "turn": (1, led.turn), "open": (1, led.open_more), "act": (0, led.use_instrument),
             "hand": (0, led.choose_next), "instrument": (0, led.choose_next_instrument),
-            "scope": (4, led.move_scope), "point": (3, lambda *way: led.mark(np.array(way))),
+            "scope": (4, led.move_scope), "point": (3, lambda *place: led.mark(np.array(place))),
         }  # fmt: skip
         count, act = acts.get(kind, (-1, None))
         if act is not None and len(numbers) == count:
@@ -245,11 +245,11 @@ class ScopeScene:
 
 def _read(message: str) -> tuple[str, list[float]]:
     """Return the kind and the numbers of what a page tells; no kind where it is malformed."""
-    parts = message.split(" ", 7)[1:]  # the first counts, so that no two are alike
+    fields = message.split(" ", 7)[1:]  # the first counts, so that no two are alike
     try:
-        numbers = [float(each) for each in parts[1:]]
+        numbers = [float(each) for each in fields[1:]]
     except ValueError:
         return "", []
-    if not parts or not all(map(math.isfinite, numbers)):
+    if not fields or not all(map(math.isfinite, numbers)):
         return "", []
-    return parts[0], numbers
+    return fields[0], numbers

@@ -94,9 +94,9 @@ def strand_table(made: AnatomyNetwork, bed: BeamOnBed) -> Floats:
     nodes = np.repeat(groups, np.diff(state.first), axis=0).T
     arms = state.strand[kernels.ARM_X : kernels.ARM_Z + 1]
     feet = state.strand[kernels.FOOT_X : kernels.FOOT_Z + 1]
-    parts = [IN_SHEET.get(each.sheet or "", NOT_IN_SHEET) for each in made.anatomy.layer]
-    part = np.array(parts)[made.layers][bed.order]
-    return np.stack([nodes[0], *arms, nodes[1], *feet, part], axis=1)
+    sheets = [IN_SHEET.get(each.sheet or "", NOT_IN_SHEET) for each in made.anatomy.layer]
+    in_sheet = np.array(sheets)[made.layers][bed.order]
+    return np.stack([nodes[0], *arms, nodes[1], *feet, in_sheet], axis=1)
 
 
 def film_runs(made: AnatomyNetwork, bed: BeamOnBed) -> tuple[Ints, Ints]:

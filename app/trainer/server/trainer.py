@@ -160,7 +160,7 @@ class Trainer:
         trusted_proxy: str | None = None,
         lesson: Lesson | None = None,
     ) -> None:
-        _share_arenas()
+        _limit_arenas()
         bounds = bounds or Bounds()
         self.connections = Connections(bounds, self._tell_refusal, trusted_proxy)
         self._encrypted, self._public_url = tls is not None, public_url
@@ -459,7 +459,7 @@ class Trainer:
                 hand.stop()
 
 
-def _share_arenas() -> None:
+def _limit_arenas() -> None:
     """Let all threads share two of glibc's arenas: each of viser's would keep memory of its own."""
     with contextlib.suppress(AttributeError, TypeError):  # another C library
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 2)

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from app.trainer.stage.solids import Part, Solid, grid_faces, solids_glb
+from app.trainer.stage.solids import Piece, Solid, grid_faces, solids_glb
 from app.trainer.stage.textures import jpeg_file, mixed_color, smooth_noise
 from organ_geometry.mesh import Finish, vertex_normals
 
@@ -39,4 +39,4 @@ def bench_glb() -> bytes:
     finish = Finish(
         roughness=0.75, base_jpeg=jpeg_file(color.astype(np.float32), quality=80), specular=0.4
     )
-    return solids_glb([Part(solid, finish)])
+    return solids_glb([Piece(solid, finish)])

@@ -9,7 +9,14 @@ from typing import Literal
 
 import numpy as np
 
-from app.trainer.stage.solids import Part, Solid, joined_solid, smooth_path, solids_glb, swept_solid
+from app.trainer.stage.solids import (
+    Piece,
+    Solid,
+    joined_solid,
+    smooth_path,
+    solids_glb,
+    swept_solid,
+)
 from organ_geometry.mesh import Finish, vertex_normals
 
 STEEL = Finish(color=(176, 181, 188), roughness=0.30, metallic=0.7)
@@ -53,14 +60,14 @@ def clamp_glb(
 ) -> bytes:
     """Return one clamp and the pinched tissue in its mouth, as a GLB file."""
     corners = max(10, round(16 * detail))
-    parts = [
-        Part(_steel_solid(bite, corners), steel(detail)),
-        Part(_shaft_solid(corners), INSULATION),
-        Part(_cuff_solid(bite, corners), _cuff_finish(tissue, detail)),
+    pieces = [
+        Piece(_steel_solid(bite, corners), steel(detail)),
+        Piece(_shaft_solid(corners), INSULATION),
+        Piece(_cuff_solid(bite, corners), _cuff_finish(tissue, detail)),
     ]
     mirrored = end == "second"
     return solids_glb(
-        [Part(_placed(part.solid, radius, mirrored=mirrored), part.finish) for part in parts]
+        [Piece(_placed(piece.solid, radius, mirrored=mirrored), piece.finish) for piece in pieces]
     )
 
 
@@ -73,7 +80,7 @@ def _cuff_finish(tissue: tuple[int, int, int], detail: float) -> Finish:
     """Return the finish of the pinched tissue, which lies in the jaws' shade."""
     if detail < 1.0:
         return Finish(color=tissue, roughness=1.0)
-    red, green, blue = (round(_IN_SHADE * part) for part in tissue)
+    red, green, blue = (round(_IN_SHADE * channel) for channel in tissue)
     return Finish(color=(red, green, blue), roughness=0.46, clearcoat=0.8, clearcoat_roughness=0.17)
 
 

@@ -32,8 +32,8 @@ def add_model(scene: viser.SceneApi, name: str, file: bytes, **place: Any) -> vi
 class Drawn:
     """Scene nodes, added hidden, that are handled as one; `parts` are their handles."""
 
-    def __init__(self, *parts: Any) -> None:
-        self._parts = parts
+    def __init__(self, *nodes: Any) -> None:
+        self._nodes = nodes
         self._visible = False
 
     @property
@@ -45,10 +45,10 @@ class Drawn:
     def visible(self, visible: bool) -> None:
         if visible != self._visible:
             self._visible = visible
-            for part in self._parts:
-                part.visible = visible
+            for node in self._nodes:
+                node.visible = visible
 
     def remove(self) -> None:
         """Remove it from the scene."""
-        for part in self._parts:
-            part.remove()
+        for node in self._nodes:
+            node.remove()

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.trainer.stage.clamps import INSULATION, steel
-from app.trainer.stage.solids import Part, Solid, solids_glb, swept_solid
+from app.trainer.stage.solids import Piece, Solid, solids_glb, swept_solid
 
 TIP_ANGLE = -0.45
 """Angle of the wire's end on the viewer's side, rad; half pi is straight below the duct."""
@@ -47,12 +47,12 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
     shaft = root + steps[:, None] * LEAN
     return solids_glb(
         [
-            Part(swept_solid(path, radii, side=(1.0, 0.0, 0.0), corners=corners), steel(detail)),
-            Part(
+            Piece(swept_solid(path, radii, side=(1.0, 0.0, 0.0), corners=corners), steel(detail)),
+            Piece(
                 swept_solid(ferrule, wire + (1.85 - wire) * swelling, corners=corners),
                 steel(detail),
             ),
-            Part(
+            Piece(
                 swept_solid(shaft, [2.05, 2.2, 2.25, *[2.25] * 6], corners=corners),
                 INSULATION,
             ),

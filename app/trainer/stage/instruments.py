@@ -19,7 +19,7 @@ from app.trainer.stage.drawn import add_mesh, add_model
 from app.trainer.stage.hook import grip_solid, hook_glb
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.solids import (
-    Part,
+    Piece,
     Solid,
     smooth_path,
     solids_glb,
@@ -148,7 +148,7 @@ def grasper_jaw_glb(radius: float, *, detail: float = 1.0) -> bytes:
     path[:, 1] = -np.maximum(bow, open_)
     return solids_glb(
         [
-            Part(
+            Piece(
                 swept_solid(
                     path,
                     np.interp(path[:, 2], [low, -1.4 * radius, 0.0], [0.13, 0.12, 0.17]) * radius,
@@ -168,8 +168,8 @@ def grasper_shaft_glb(radius: float, mirrored: bool, *, detail: float = 1.0) -> 
     """Return the hinge and the shaft, as a GLB file, mm, the origin in the hinge."""
     axis = _leaning(GRASPER_LEAN, mirrored)
     pin = np.array([[-0.26, 0, 0], [0, 0, 0], [0.26, 0, 0]]) * radius
-    parts = [Part(swept_solid(pin, 0.2 * radius, side=(0, 0, 1), corners=16), steel(detail))]
-    return solids_glb([*parts, *_shaft(np.zeros(3), axis, 0.22 * radius, detail)])
+    pieces = [Piece(swept_solid(pin, 0.2 * radius, side=(0, 0, 1), corners=16), steel(detail))]
+    return solids_glb([*pieces, *_shaft(np.zeros(3), axis, 0.22 * radius, detail)])
 
 
 @lru_cache(maxsize=16)
@@ -193,7 +193,7 @@ def swab_glb(
     )
     return solids_glb(
         [
-            Part(gauze, GAUZE),
+            Piece(gauze, GAUZE),
             *_shaft(0.75 * BALL * radius * back, _leaning(SWAB_LEAN, mirrored), 0.6, detail),
         ]
     )
@@ -270,7 +270,7 @@ def _across(axis: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _shaft(
     root: NDArray[np.float64], axis: NDArray[np.float64], neck: float, detail: float
-) -> list[Part]:
+) -> list[Piece]:
     """Return a ferrule that widens from the neck, and the insulated shaft behind it."""
     corners = max(10, round(20 * detail))
     taper = np.linspace(0.0, 1.0, 14)
@@ -278,11 +278,11 @@ def _shaft(
     ferrule = root + (8.0 * taper)[:, None] * axis
     shaft = root + np.array([[7.4], [7.8], [14.0], [60.0], [SHAFT_LENGTH]]) * axis
     return [
-        Part(
+        Piece(
             swept_solid(ferrule, neck + (0.88 * SHAFT_RADIUS - neck) * swelling, corners=corners),
             steel(detail),
         ),
-        Part(
+        Piece(
             swept_solid(shaft, [0.93 * SHAFT_RADIUS, *[SHAFT_RADIUS] * 4], corners=corners),
             INSULATION,
         ),

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from app.trainer.stage.solids import Part, Solid, smooth_path, solids_glb, swept_solid
+from app.trainer.stage.solids import Piece, Solid, smooth_path, solids_glb, swept_solid
 from app.trainer.stage.textures import (
     jpeg_file,
     mixed_color,
@@ -27,11 +27,11 @@ def neighbours_glb(*, corners: int = 30, pixels: int = 256) -> bytes:
     """Return liver edge and gallbladder as one GLB file."""
     return solids_glb(
         [
-            Part(
+            Piece(
                 _waved(_liver(corners), amplitude=0.9),
                 _finish(_LIVER, pixels, seed=41, veins=0.0, roughness=0.44, clearcoat=0.45),
             ),
-            Part(
+            Piece(
                 _waved(_gallbladder(corners), amplitude=0.35),
                 _finish(_GALLBLADDER, pixels, seed=51, veins=0.6, roughness=0.4, clearcoat=0.6),
             ),

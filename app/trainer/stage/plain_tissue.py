@@ -43,21 +43,21 @@ class PlainTissue:
             torn_end=torn_end,
         )
         skin = contact.skin
-        self._parts: list[tuple[viser.MeshHandle, NDArray[np.intp]]] = []
+        self._meshes: list[tuple[viser.MeshHandle, NDArray[np.intp]]] = []
         # The inside is a mesh of its own for another colour and a sharp edge along the torn rim.
         for (numbers, faces), node, shown in (
-            (skin.part("outer"), name, color),
-            (skin.part("inside"), f"{name}_inside", INSIDE),
+            (skin.side("outer"), name, color),
+            (skin.side("inside"), f"{name}_inside", INSIDE),
         ):
             vertices = skin.vertices[numbers]
             mesh = add_mesh(scene, node, vertices, faces, color=shown, side="double")
-            self._parts.append((mesh, numbers))
+            self._meshes.append((mesh, numbers))
 
     def show(self, vertices: NDArray[np.float32], shade: NDArray[np.float32]) -> None:
         """Draw the surface as it is now."""
         del shade
         self._show_stress(False)
-        for mesh, numbers in self._parts:
+        for mesh, numbers in self._meshes:
             stream(mesh, "vertices", vertices[numbers])
 
     def show_stress(self, vertices: NDArray[np.float32], fraction: NDArray[np.float32]) -> None:
@@ -70,12 +70,12 @@ class PlainTissue:
     def _show_stress(self, shown: bool) -> None:
         if self._stress is not None:
             self._stress.set_visible(shown)
-        for mesh, _ in self._parts:
+        for mesh, _ in self._meshes:
             mesh.visible = not shown
 
     def remove(self) -> None:
         """Remove it from the scene."""
-        for mesh, _ in self._parts:
+        for mesh, _ in self._meshes:
             mesh.remove()
         if self._stress is not None:
             self._stress.remove()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.drawn import add_mesh, add_model
 from app.trainer.stage.hook import LEAN, TIP_ANGLE, bend_radius, wire_radius
-from app.trainer.stage.solids import Part, Solid, solids_glb
+from app.trainer.stage.solids import Piece, Solid, solids_glb
 from app.trainer.stage.tone import light_for, light_table
 from app.trainer.viser_bridge.fast_transport import stream
 from app.trainer.viser_bridge.page import float32_text, run_function, run_module
@@ -52,7 +52,7 @@ def keep_finish(scene: viser.SceneApi, name: str, finish: Finish) -> None:
     """Send a material for surfaces to be drawn in, on a triangle too small to be seen."""
     normals = np.tile((0.0, 0.0, 1.0), (3, 1))
     solid = Solid(1e-3 * np.eye(3), np.array([[0, 1, 2]]), normals, np.eye(3)[:, :2].copy())
-    add_model(scene, name, solids_glb([Part(solid, finish)]))
+    add_model(scene, name, solids_glb([Piece(solid, finish)]))
 
 
 def light_surfaces(
@@ -135,9 +135,9 @@ class RefinedSurface:
             "count": count,
             "along": float32_text(along),
             "behind": float32_text(behind),
-            "raw": [round(float(part), 4) for part in raw],
-            "torn": [round(part, 4) for part in torn],
-            "blood": None if blood is None else [round(float(part), 4) for part in blood],
+            "raw": [round(float(value), 4) for value in raw],
+            "torn": [round(value, 4) for value in torn],
+            "blood": None if blood is None else [round(float(value), 4) for value in blood],
             "stress": {
                 "table": float32_text(light_table()),
                 "unknown": light_for(_UNKNOWN).tolist(),

@@ -20,18 +20,18 @@ class Solid:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class Piece:
     """A solid and its finish."""
 
     solid: Solid
     finish: Finish
 
 
-def solids_glb(parts: Sequence[Part]) -> bytes:
+def solids_glb(pieces: Sequence[Piece]) -> bytes:
     """Return one GLB file with every part, in the solids' own frame."""
     file = GltfFile()
-    for number, part in enumerate(parts):
-        solid = part.solid
+    for number, piece in enumerate(pieces):
+        solid = piece.solid
         count = len(solid.vertices)
 
         def vectors(array: NDArray[np.float64], kind: VectorKind, *, bounded: bool = False) -> int:
@@ -46,7 +46,7 @@ def solids_glb(parts: Sequence[Part]) -> bytes:
         item = {
             "attributes": attributes,
             "indices": file.indices(solid.faces, count),
-            "material": file.material(part.finish),
+            "material": file.material(piece.finish),
         }
         name = str(number)
         mesh = file.add("meshes", {"name": name, "primitives": [item]})

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.trainer.stage.appearance import Appearance, Color
-from app.trainer.stage.solids import Part, Solid, grid_faces, solids_glb
+from app.trainer.stage.solids import Piece, Solid, grid_faces, solids_glb
 from app.trainer.stage.tissue_bed import bed_height
 from organ_geometry.mesh import Finish, vertex_normals
 
@@ -22,7 +22,7 @@ _BELOW = 0.35  # mm that its edge lies below the bed's surface
 def spill_glb(look: Appearance, radius: float, place: float) -> bytes:
     """Return the pools below a tear as a GLB file, in the bed's coordinates; empty if none."""
     random = np.random.default_rng(3)
-    parts: list[Part] = []
+    pieces: list[Piece] = []
     pools: list[tuple[Color, float, float]] = []  # colour, reach, aside
     if look.spilt is not None:
         pools.append((look.spilt, 1.25 * radius, 0.5 * radius))
@@ -31,12 +31,12 @@ def spill_glb(look: Appearance, radius: float, place: float) -> bytes:
     for color, reach, aside in pools:
         finish = Finish(color=color, roughness=0.25, clearcoat=1.0, clearcoat_roughness=0.08)
         middle = np.array([place + aside, -0.5 * radius])
-        parts.append(Part(_pool(middle, reach, random), finish))
+        pieces.append(Piece(_pool(middle, reach, random), finish))
         for _ in range(_DROPS):
             offset = random.normal(0.0, 0.9 * radius, 2)
             drop = random.uniform(0.04, 0.11) * radius
-            parts.append(Part(_pool(middle + offset, drop, random), finish))
-    return solids_glb(parts) if parts else b""
+            pieces.append(Piece(_pool(middle + offset, drop, random), finish))
+    return solids_glb(pieces) if pieces else b""
 
 
 def _pool(middle: NDArray[np.float64], reach: float, random: np.random.Generator) -> Solid:

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.trainer.stage.solids import Part, Solid, grid_faces, smooth_path, solids_glb
+from app.trainer.stage.solids import Piece, Solid, grid_faces, smooth_path, solids_glb
 from app.trainer.stage.textures import (
     Image,
     blurred,
@@ -69,7 +69,7 @@ def tissue_bed_glb(*, rows: int = _ROWS, columns: int = COLUMNS, pixels: int = _
         base_jpeg=jpeg_file(np.flipud(color), quality=74),
         normal_jpeg=_normal_jpeg(ground) if pixels >= 512 else b"",
     )
-    return solids_glb([Part(solid, finish)])
+    return solids_glb([Piece(solid, finish)])
 
 
 def bed_height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

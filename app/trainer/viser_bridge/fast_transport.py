@@ -161,15 +161,15 @@ def _packed(messages: Sequence[Any], compress: Callable[[bytes], bytes]) -> byte
         }
     )
     packed = compress(content)
-    parts: list[bytes | memoryview] = [
+    chunks: list[bytes | memoryview] = [
         len(content).to_bytes(8, "little") + len(packed).to_bytes(8, "little"),
         packed,
     ]
     end = 16 + len(packed)
     for each in arrays:
-        parts += (bytes(-end % 8), each)
+        chunks += (bytes(-end % 8), each)
         end += -end % 8 + each.nbytes
-    return b"".join(parts)
+    return b"".join(chunks)
 
 
 _encode = msgspec.msgpack.Encoder().encode

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-__all__ = ["DOUBTED_FRACTION", "LabelParts", "label_parts"]
+__all__ = ["DOUBTED_FRACTION", "LabelComponents", "label_components"]
 
 DOUBTED_FRACTION = 0.02
 """A second part with more than this share of a label is a doubt."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LabelParts:
+class LabelComponents:
     """A label's largest connected part, and what is known of the second."""
 
     largest: NDArray[np.bool_]  # (K, J, I)
@@ -26,7 +26,7 @@ class LabelParts:
     gap: float  # between the two, mm
 
 
-def label_parts(mask: NDArray[np.bool_], sizes: NDArray[np.float64]) -> LabelParts:
+def label_components(mask: NDArray[np.bool_], sizes: NDArray[np.float64]) -> LabelComponents:
     """Return the parts of a mask that is not empty, connected by faces, edges and corners.
 
     Parameters
@@ -36,17 +36,17 @@ def label_parts(mask: NDArray[np.bool_], sizes: NDArray[np.float64]) -> LabelPar
 
     Returns
     -------
-    LabelParts
+    LabelComponents
         Of parts of one size the first is the largest.
     """
     labelled: Any = ndimage.label(mask, np.ones((3, 3, 3)))
-    parts, count = labelled
-    voxels = np.bincount(parts.ravel())[1:]
+    labels, count = labelled
+    voxels = np.bincount(labels.ravel())[1:]
     order = np.argsort(-voxels, kind="stable")
-    largest = parts == int(order[0]) + 1
+    largest = labels == int(order[0]) + 1
     if count < 2:
-        return LabelParts(largest, count, 0, 0.0, 0.0)
+        return LabelComponents(largest, count, 0, 0.0, 0.0)
     away: Any = ndimage.distance_transform_edt(~largest, sampling=sizes[::-1])
     second = int(voxels[order[1]])
-    gap = float(away[parts == int(order[1]) + 1].min())
-    return LabelParts(largest, count, second, second / int(voxels.sum()), gap)
+    gap = float(away[labels == int(order[1]) + 1].min())
+    return LabelComponents(largest, count, second, second / int(voxels.sum()), gap)
