@@ -96,7 +96,7 @@ def test_rows_by_need_and_a_grid_of_people_and_levels(teacher: Page, running: Tr
     store = running._lesson.store if running._lesson else None
     assert store is not None
     ann.get_by_label("Level of Ann").select_option("scar")
-    expect(teacher.locator("#said")).to_have_text("Set.")
+    expect(teacher.locator("#notice")).to_have_text("Set.")
     assert {each.name: each.level for each in store.people()}["Ann"] == "scar"
     expect(rows.filter(has_text="Ann").locator("td.now")).to_have_count(1)
     teacher.get_by_label("Level for all").select_option("front")
@@ -133,7 +133,7 @@ def test_an_exercise_is_set_by_fields(teacher: Page, running: Trainer) -> None:
     expect(form.locator("#bed")).to_be_hidden()
     form.locator("[data-goal=hold_stretch]").get_by_label("Time, s").fill("0")
     teacher.locator("#assign").click()
-    expect(teacher.locator("#said")).to_contain_text("time_limit_s must be")
+    expect(teacher.locator("#notice")).to_contain_text("time_limit_s must be")
 
 
 def test_a_course_s_file_and_a_record_store_are_advanced(teacher: Page) -> None:
@@ -142,15 +142,15 @@ def test_a_course_s_file_and_a_record_store_are_advanced(teacher: Page) -> None:
     text = course.get_by_label("Course file (TOML)")
     text.fill(text.input_value().replace('goal = "window"', 'goal = "windows"'))
     course.get_by_role("button", name="Set this course").click()
-    expect(teacher.locator("#said")).to_contain_text("this is no course")
-    expect(teacher.locator("#said")).to_contain_text("(line ")
+    expect(teacher.locator("#notice")).to_contain_text("this is no course")
+    expect(teacher.locator("#notice")).to_contain_text("(line ")
     teacher.locator("#sending summary").click()
     teacher.get_by_label("Address").fill("http://lrs.example.org/xapi")
     teacher.get_by_label("Key").fill("k")
     teacher.get_by_label("Secret").fill("s")
     assert faults(teacher, "teacher") == []
     teacher.get_by_role("button", name="Send results").click()
-    expect(teacher.locator("#said")).to_contain_text("must begin with https")
+    expect(teacher.locator("#notice")).to_contain_text("must begin with https")
     course.get_by_role("button", name="No course").click()
     expect(teacher.locator("#no-course")).to_be_visible()
     expect(teacher.locator("#all-levels")).to_be_hidden()

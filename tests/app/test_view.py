@@ -234,7 +234,7 @@ def test_axe_finds_nothing_serious_on_any_tab_or_dialog(browser: Browser, traine
 
 
 def message(tab: TrainerPage) -> str:
-    return tab.page.locator("#bd-said").text_content() or ""
+    return tab.page.locator("#bd-status").text_content() or ""
 
 
 def test_arrows_pull_by_percents_letters_can_rest_and_only_changes_are_said(

@@ -10,8 +10,8 @@ function send(command) {
 }
 
 function say(words, refused = false) {
-    $("said").textContent = words;
-    $("said").classList.toggle("refused", refused);
+    $("notice").textContent = words;
+    $("notice").classList.toggle("refused", refused);
 }
 
 function connect() {
@@ -21,13 +21,13 @@ function connect() {
         socket.send('{"type":"hello"}');
     };
     socket.onmessage = event => {
-        const told = JSON.parse(event.data);
-        if (told.rows) show(told);
-        else if (told.said) {
-            say(told.said);
-            if (told.assigned) $("write").open = false;
+        const message = JSON.parse(event.data);
+        if (message.rows) show(message);
+        else if (message.notice) {
+            say(message.notice);
+            if (message.assigned) $("write").open = false;
         }
-        else if (told.refused && !told.refused.includes("'hello'")) say(told.refused, true);
+        else if (message.refused && !message.refused.includes("'hello'")) say(message.refused, true);
     };
     socket.onclose = () => {
         $("connection").textContent = "The trainer does not answer; trying again …";
@@ -37,30 +37,30 @@ function connect() {
     };
 }
 
-function show(told) {
-    const here = told.rows.filter(row => row.live).length;
+function show(message) {
+    const here = message.rows.filter(row => row.live).length;
     $("connection").textContent = "Live";
     $("connection").classList.remove("refused");
-    $("count").textContent = told.rows.length
-        ? `${here} of ${told.rows.length}${told.nameless ? `, and ${told.nameless} without a name` : ""}`
-        : told.nameless ? `${told.nameless} without a name yet` : "";
-    $("nobody").hidden = told.rows.length > 0;
-    $("people").hidden = told.rows.length === 0;
-    showExercise(told.exercise);
-    showPeople(told.rows);
-    if (told.version !== version) {
-        version = told.version;
+    $("count").textContent = message.rows.length
+        ? `${here} of ${message.rows.length}${message.nameless ? `, and ${message.nameless} without a name` : ""}`
+        : message.nameless ? `${message.nameless} without a name yet` : "";
+    $("nobody").hidden = message.rows.length > 0;
+    $("people").hidden = message.rows.length === 0;
+    showExercise(message.exercise);
+    showPeople(message.rows);
+    if (message.version !== version) {
+        version = message.version;
         showResults();
         showCourse();
     }
-    $("no-course").hidden = Boolean(told.levels);
-    $("all-levels").hidden = !told.levels;
-    if (told.levels && $("level-for-all").dataset.key !== told.levels) {
-        $("level-for-all").dataset.key = told.levels;
+    $("no-course").hidden = Boolean(message.levels);
+    $("all-levels").hidden = !message.levels;
+    if (message.levels && $("level-for-all").dataset.key !== message.levels) {
+        $("level-for-all").dataset.key = message.levels;
         // Made by the server, which has escaped the titles.
-        $("level-for-all").innerHTML = told.levels;
+        $("level-for-all").innerHTML = message.levels;
     }
-    set($("sent"), told.sending);
+    set($("sent"), message.sending);
 }
 
 // The section is made by the server, which has escaped all that people typed.
@@ -184,11 +184,11 @@ function fill(row, person) {
     exercise.classList.toggle("refused", Boolean(person.problem));
     set(best, person.best ? `${person.best} (${person.tries} ${person.tries === 1 ? "try" : "tries"})` : "–");
     if (!live) return;
-    const share = Math.round(100 * live.distance);
+    const percent = Math.round(100 * live.distance);
     const [fillBar, label] = distance.firstChild.children;
-    fillBar.style.width = `${share}%`;
-    fillBar.className = live.torn ? "torn" : share < 15 ? "stop" : share < 40 ? "careful" : "safe";
-    set(label, live.torn ? "torn" : `${share} %`);
+    fillBar.style.width = `${percent}%`;
+    fillBar.className = live.torn ? "torn" : percent < 15 ? "stop" : percent < 40 ? "careful" : "safe";
+    set(label, live.torn ? "torn" : `${percent} %`);
     draw(duct.firstChild, live);
 }
 

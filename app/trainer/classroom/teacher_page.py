@@ -234,7 +234,7 @@ class TeacherPage:
             if len(text) > LONGEST_COMMAND:
                 raise ValueError("This is too long.")
             command = self._decoder.decode(text)
-            answer = {"said": self._do(command), "assigned": isinstance(command, Assign)}
+            answer = {"notice": self._do(command), "assigned": isinstance(command, Assign)}
             return msgspec.json.encode(answer).decode()
         except (ValueError, msgspec.MsgspecError) as error:
             return msgspec.json.encode({"refused": str(error)}).decode()

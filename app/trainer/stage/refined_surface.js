@@ -17,7 +17,7 @@
   };
   const meshIn = node => {
     let found = null;
-    node.traverse(part => { if (!found && part.isMesh && !part.userData.dressed) found = part; });
+    node.traverse(child => { if (!found && child.isMesh && !child.userData.dressed) found = child; });
     return found;
   };
 
@@ -148,10 +148,10 @@
               float place = clamp((at - reach.x) / reach.y, 0.0, 30.999);
               int i = int(place);
               vec4 here = mix(axis[i], axis[i + 1], place - float(i));
-              float part = (p.z - lamp.z) / (here.z - lamp.z);
-              vec2 thrown = lamp.xy + (here.xy - lamp.xy) * part;
+              float fraction = (p.z - lamp.z) / (here.z - lamp.z);
+              vec2 thrown = lamp.xy + (here.xy - lamp.xy) * fraction;
               at += p.x - thrown.x;
-              dark = here.w * edge(distance(p.xy, thrown), reach.z * part, here.z - p.z);
+              dark = here.w * edge(distance(p.xy, thrown), reach.z * fraction, here.z - p.z);
             }
             return dark;
           }
@@ -160,9 +160,9 @@
             float a = (p.z - lamp.z) / (hookAt.z - lamp.z);
             float b = (p.z - lamp.z) / min(distant.z - lamp.z, -4.0);
             vec2 from = lamp.xy + (hookAt.xy - lamp.xy) * a;
-            vec2 way = lamp.xy + (distant.xy - lamp.xy) * b - from;
-            float along = clamp(dot(p.xy - from, way) / dot(way, way), 0.0, 1.0);
-            return 0.8 * edge(distance(p.xy, from + along * way), 2.2 * a, hookAt.z - p.z + 6.0);
+            vec2 toward = lamp.xy + (distant.xy - lamp.xy) * b - from;
+            float along = clamp(dot(p.xy - from, toward) / dot(toward, toward), 0.0, 1.0);
+            return 0.8 * edge(distance(p.xy, from + along * toward), 2.2 * a, hookAt.z - p.z + 6.0);
           }`)
         .replace("#include <color_fragment>", `#include <color_fragment>
           lit = 1.0 - 0.68 * max(ductShadow(vOnBed), shaftShadow(vOnBed));
@@ -180,20 +180,20 @@
   // Takes the stress that stands for a colour for the colour of that stress: the table's where the
   // surface faces the viewer, and darker where it turns away.
   const colorStress = ({ table, unknown, darkest, towards }, color, normal, at) => {
-    const share = color[at], last = table.length / 3 - 1;
-    if (share < 0) {
+    const used = color[at], last = table.length / 3 - 1;
+    if (used < 0) {
       for (let k = 0; k < 3; k++) color[at + k] = unknown[k];
       return;
     }
-    const place = Math.min(share, 1) * last, below = Math.min(Math.floor(place), last - 1);
-    const part = place - below;
+    const place = Math.min(used, 1) * last, below = Math.min(Math.floor(place), last - 1);
+    const fraction = place - below;
     let facing = 0;
     for (let k = 0; k < 3; k++) facing += normal[at + k] * towards[k];
     const turn = Math.min((1 - Math.max(facing, 0)) / 0.75, 1);
     const light = 1 - (1 - darkest) * turn * turn;
     for (let k = 0; k < 3; k++) {
       const from = table[3 * below + k];
-      color[at + k] = light * (from + part * (table[3 * below + 3 + k] - from));
+      color[at + k] = light * (from + fraction * (table[3 * below + 3 + k] - from));
     }
   };
 
@@ -397,8 +397,8 @@
       const x = first + n * step;
       while (k + 2 < points.length && points[k + 1][0] < x) k++;
       const a = points[k], b = points[k + 1];
-      const part = Math.min(Math.max((x - a[0]) / Math.max(b[0] - a[0], 1e-6), 0), 1);
-      const mixed = i => a[i] + part * (b[i] - a[i]);
+      const fraction = Math.min(Math.max((x - a[0]) / Math.max(b[0] - a[0], 1e-6), 0), 1);
+      const mixed = i => a[i] + fraction * (b[i] - a[i]);
       shared.axis.value.set([mixed(0), mixed(1), mixed(2), a[3] === b[3] ? 1 : 0], 4 * n);
     }
   };

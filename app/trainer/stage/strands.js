@@ -18,7 +18,7 @@
   const numbers = text => new Float32Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
   const meshIn = node => {
     let found = null;
-    node.traverse(part => { if (!found && part.isMesh && !part.userData.drawn) found = part; });
+    node.traverse(child => { if (!found && child.isMesh && !child.userData.drawn) found = child; });
     return found;
   };
   // The same throw of dice for the same strand in every page, -1 to 1.
@@ -311,7 +311,7 @@
     // A parted strand: half of it draws back to the duct, half to the bed, and both curl.
     stubs(i, f, A, B, back, width, line, wide) {
       const half = POINTS / 2;
-      const way = [0, 1, 2].map(k => B[k] - A[k]), gap = Math.hypot(...way) || 1;
+      const span = [0, 1, 2].map(k => B[k] - A[k]), gap = Math.hypot(...span) || 1;
       for (const [end, sign, from] of [[A, 1, 0], [B, -1, half]]) {
         const own = 0.55 + 0.45 * dice(i, 30 + from + f) + (sign < 0 ? 0.25 : 0);
         const reach = (1 - back) * 0.5 * Math.min(gap, 6) + back * Math.max(0.3, 1.3 * own);
@@ -320,7 +320,7 @@
         for (let k = 0; k < half; k++) {
           const t = k / (half - 1), at = from ? POINTS - 1 - k : k;
           for (let c = 0; c < 3; c++) {
-            const straight = sign * way[c] / gap, curled = lean[c] / ll;
+            const straight = sign * span[c] / gap, curled = lean[c] / ll;
             const turn = back * (0.35 + 0.65 * t);
             line[3 * at + c] = end[c] + reach * t * ((1 - turn) * straight + turn * curled);
           }

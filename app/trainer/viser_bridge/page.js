@@ -13,12 +13,12 @@ style.textContent = css;
 document.head.append(style);
 
 // What a screen reader says: one place that stays, whose words change.
-const said = document.createElement("div");
-said.id = "bd-said";
-said.className = "bd-unseen";
-said.setAttribute("role", "status");
-document.body.append(said);
-page.say = words => { said.textContent = words; };
+const announcer = document.createElement("div");
+announcer.id = "bd-status";
+announcer.className = "bd-unseen";
+announcer.setAttribute("role", "status");
+document.body.append(announcer);
+page.say = words => { announcer.textContent = words; };
 
 // What this tab keeps for itself.
 page.keep = value => { try { sessionStorage.setItem("bd-kept", value); } catch {} };
@@ -156,9 +156,9 @@ const takeNear = (mesh, {ray, camera}, hits) => {
     const [ax, ay, az] = seen[a], [bx, by, bz] = seen[b];
     if (az > 1 || bz > 1) continue;
     const dx = bx - ax, dy = by - ay, along = dx * dx + dy * dy;
-    const part = along ? Math.min(Math.max(((x - ax) * dx + (y - ay) * dy) / along, 0), 1) : 0;
-    const away = Math.hypot(x - ax - part * dx, y - ay - part * dy);
-    if (away < best) { best = away; found = [a, b, part]; }
+    const fraction = along ? Math.min(Math.max(((x - ax) * dx + (y - ay) * dy) / along, 0), 1) : 0;
+    const away = Math.hypot(x - ax - fraction * dx, y - ay - fraction * dy);
+    if (away < best) { best = away; found = [a, b, fraction]; }
   }
   if (!found) return;
   const edge = world[found[0]].clone().lerp(world[found[1]], found[2]);
@@ -205,10 +205,10 @@ inFields("focusout", field => {
 // Arrows on a slider and in its field: a percent of its own scale, a tenth of one with Shift.
 const percents = {};
 page.setArrowStep = (uuid, percent, digits) => { percents[uuid] = [percent, digits]; };
-const WAYS = {ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1};
+const STEPS = {ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1};
 document.addEventListener("keydown", event => {
-  const from = event.target, way = WAYS[event.key];
-  if (!way || event.ctrlKey || event.metaKey || event.altKey) return;
+  const from = event.target, step = STEPS[event.key];
+  if (!step || event.ctrlKey || event.metaKey || event.altKey) return;
   const inField = from.matches?.(".mantine-NumberInput-input");
   if (inField ? !event.key.match(/Up|Down/) : from.getAttribute?.("role") !== "slider") return;
   const row = from.closest(".mantine-Flex-root");
@@ -219,7 +219,7 @@ document.addEventListener("keydown", event => {
   event.preventDefault();
   event.stopPropagation();
   const now = Number(thumb.getAttribute("aria-valuenow")) / percent;
-  const wanted = (Math.round(10 * now) / 10 + way * (event.shiftKey ? 0.1 : 1)) * percent;
+  const wanted = (Math.round(10 * now) / 10 + step * (event.shiftKey ? 0.1 : 1)) * percent;
   const [low, high] = ["min", "max"].map(end => Number(thumb.getAttribute(`aria-value${end}`)));
   const field = row.querySelector(".mantine-NumberInput-input");
   write(field, Math.min(Math.max(wanted, low), high).toFixed(digits));

@@ -66,25 +66,25 @@ Object.assign(viewer, (() => {
     page()?.scene?.traverse(mesh => { if (mesh.isMesh && mesh.material === backdrop) mesh.visible = !held; });
   };
   // The page's layout is asked for again only when the canvas or the panel changes its size.
-  let part = null;
+  let hiddenFraction = null;
   const sizes = new ResizeObserver(() => {
-    const before = part;
-    part = null;
+    const before = hiddenFraction;
+    hiddenFraction = null;
     if (before !== null && page()?.canvas?.isConnected) requestAnimationFrame(() => page()?.requestRender?.());
   });
   return {
     makers, hold,
     canvas: () => page()?.canvas,
-    // What a phone's panel covers of the canvas's height from below, as a part of it.
+    // What a phone's panel covers of the canvas's height from below, as a fraction of it.
     covered() {
-      if (part !== null) return part;
+      if (hiddenFraction !== null) return hiddenFraction;
       const { canvas } = page(), box = canvas.getBoundingClientRect();
       const panel = document.querySelector(".mantine-Paper-root:has([data-testid=readout])"), its = panel?.getBoundingClientRect();
       const now = its && its.left < box.left + 0.1 * box.width && its.width > 0.9 * box.width ? Math.min(Math.max((box.bottom - its.top) / box.height, 0), 0.8) : 0;
       if (!panel || !canvas.clientHeight) return now;
       sizes.disconnect();
       for (const each of [canvas, panel]) sizes.observe(each);
-      return (part = now);
+      return (hiddenFraction = now);
     },
     send: (uuid, value) => page()?.sendMessage({ type: "GuiUpdateMessage", uuid, updates: { value } }),
   };

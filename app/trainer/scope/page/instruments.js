@@ -89,9 +89,9 @@
       const level = unit(cross([0, 0, 1], back)), over = cross(back, level), c = Math.cos(roll), s = Math.sin(roll);
       const x = add(level.map(v => v * c), over, s), y = cross(back, x);
       // From the tip back to the hinge, and from there through the trocar.
-      const hinge = add(add(tip, x, -end[0]), back, -end[2]), way = unit(sub(pivot, hinge));
-      const sx = unit(cross(cross(way, x), way)), sy = cross(way, sx);
-      this.shaft.set(sx, sy, way, hinge);
+      const hinge = add(add(tip, x, -end[0]), back, -end[2]), axis = unit(sub(pivot, hinge));
+      const sx = unit(cross(cross(axis, x), axis)), sy = cross(axis, sx);
+      this.shaft.set(sx, sy, axis, hinge);
       const angle = kind.single ? 0 : 0.5 * Math.min(opening / kind.length, 1.2);
       this.jaws.forEach((jaw, k) => {
         const a = k ? -angle : angle, ca = Math.cos(a), sa = Math.sin(a);
@@ -100,13 +100,13 @@
         const far = [0, 1, 2].map(i => hinge[i] + end[0] * x[i] + end[2] * jz[i]);
         rods.push({ from: hinge, to: far, radius: kind.ball ?? 0.75 * kind.wide[0] });
       });
-      rods.push({ from: hinge, to: add(hinge, way, 160), radius: 2.4 });
+      rods.push({ from: hinge, to: add(hinge, axis, 160), radius: 2.4 });
       const off = sub(pivot, hinge);
-      return Math.hypot(...sub(off, way.map(v => v * dot(off, way))));
+      return Math.hypot(...sub(off, axis.map(v => v * dot(off, axis))));
     }
 
-    hide() { for (const part of [this.shaft, ...this.jaws]) part.hide(); }
-    remove() { for (const part of [this.shaft, ...this.jaws]) part.remove(); }
+    hide() { for (const piece of [this.shaft, ...this.jaws]) piece.hide(); }
+    remove() { for (const piece of [this.shaft, ...this.jaws]) piece.remove(); }
   }
 
   // A closed clip across a tube: two bars, and the bow that joins them.

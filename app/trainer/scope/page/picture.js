@@ -227,9 +227,9 @@
       for (let n = 0; n < this.filmCount; n++) {
         const a = films[2 * shown[n]], b = films[2 * shown[n] + 1], middle = (a + b) / 2, sums = [0, 0, 0, 0];
         for (let i = a; i <= b; i++) {
-          const part = state.ends[8 * runs[i] + 7];
-          if (i <= middle) { sums[0] += part; sums[1]++; }
-          if (i >= middle) { sums[2] += part; sums[3]++; }
+          const frayed = state.ends[8 * runs[i] + 7];
+          if (i <= middle) { sums[0] += frayed; sums[1]++; }
+          if (i >= middle) { sums[2] += frayed; sums[3]++; }
         }
         gone[2 * n] = sums[0] / sums[1];
         gone[2 * n + 1] = sums[2] / sums[3];

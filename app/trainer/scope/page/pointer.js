@@ -84,9 +84,9 @@
     if (lead.hand < 0) { say(`scope ${fixed([0, 0, mm, 0])}`); return; }
     if (lead.byHandle) { push([0, 0, mm]); return; }
     const from = down.size && lead.target ? lead.target : picture.state.hand(lead.hand).tip;
-    const start = waiting || down.size ? lead.target ?? from : from, way = sub(start, picture.pose.tip), now = depthOf(start);
+    const start = waiting || down.size ? lead.target ?? from : from, offset = sub(start, picture.pose.tip), now = depthOf(start);
     lead.depth = Math.max(8, now + mm);
-    leadTo(add(picture.pose.tip, way, lead.depth / now));
+    leadTo(add(picture.pose.tip, offset, lead.depth / now));
   };
   const turn = event => {
     if (!scope.picture || event.target !== viewer.canvas()) return;

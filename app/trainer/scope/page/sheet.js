@@ -111,11 +111,11 @@
       left.fill(0);
       all.fill(0);
       for (let i = 0; i < state.count; i++) {
-        const part = strands[9 * i + 8], o = 8 * i;
+        const inSheet = strands[9 * i + 8], o = 8 * i;
         const u = (0.5 * (ends[o] + ends[o + 4]) - x0) / cell, v = (0.5 * (ends[o + 1] + ends[o + 5]) - y0) / cell;
         for (let j = Math.max(0, Math.floor(v) - 2); j <= Math.min(rows - 1, Math.floor(v) + 3); j++)
           for (let m = Math.max(0, Math.floor(u) - 2); m <= Math.min(columns - 1, Math.floor(u) + 3); m++) {
-            const w = part * Math.exp(-0.5 * ((m - u) ** 2 + (j - v) ** 2)), k = j * columns + m;
+            const w = inSheet * Math.exp(-0.5 * ((m - u) ** 2 + (j - v) ** 2)), k = j * columns + m;
             all[k] += w;
             if (!parted[i]) left[k] += w;
           }
@@ -167,9 +167,9 @@
       for (const here of [k => near(k), () => true]) {
         let sum = 0;
         for (let k = 0; k < size; k++) if (film[k] > 0 && here(k)) sum += film[k];
-        const part = stays > 0 ? Math.min(1, left / sum) : 1;
-        if (sum > 0) for (let k = 0; k < size; k++) if (film[k] > 0 && here(k)) film[k] *= 1 - part;
-        left -= part * sum;
+        const fraction = stays > 0 ? Math.min(1, left / sum) : 1;
+        if (sum > 0) for (let k = 0; k < size; k++) if (film[k] > 0 && here(k)) film[k] *= 1 - fraction;
+        left -= fraction * sum;
         if (left <= 0) return;
       }
     }

@@ -68,9 +68,9 @@
     shrink(now) {
       let going = false;
       for (let i = 0; i < this.count; i++) {
-        const part = this.parted[i] ? clamp((now - this.partedAt[i]) / PART_MS, 0, 1) : 0;
-        this.ends[8 * i + 7] = part;
-        going ||= part > 0 && part < 1;
+        const progress = this.parted[i] ? clamp((now - this.partedAt[i]) / PART_MS, 0, 1) : 0;
+        this.ends[8 * i + 7] = progress;
+        going ||= progress > 0 && progress < 1;
       }
       this.endTexture.needsUpdate = true;
       return going;
