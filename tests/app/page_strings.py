@@ -32,8 +32,8 @@ def strings(tree: ast.Module) -> Iterator[tuple[int, str]]:
             yield node.lineno, node.value
         elif isinstance(node, ast.JoinedStr):
             pieces = (
-                fraction.value if isinstance(fraction, ast.Constant) and isinstance(fraction.value, str)
-                else "X" for fraction in node.values
+                piece.value if isinstance(piece, ast.Constant) and isinstance(piece.value, str)
+                else "X" for piece in node.values
             )  # fmt: skip
             yield node.lineno, "".join(pieces)
 

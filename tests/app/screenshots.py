@@ -162,7 +162,7 @@ def take_class(browser: Browser, folder: Path, work: Path) -> None:
             teacher.locator("#start").click()
             expect(tab.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
             trainee.lift(14)
-            trainee.told("Failed.")
+            trainee.shown("Failed.")
             tab.page.keyboard.press("Escape")
             take(tab, folder / "page-trainee.webp")
             expect(teacher.locator("#found tbody tr")).to_have_count(1)
