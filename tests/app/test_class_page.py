@@ -120,7 +120,7 @@ class Trainee:
 
     def reach(self, name: str) -> None:
         """Go to what has a name by the tabulator alone, as who has no mouse."""
-        expect(self.page.get_by_role("button", name=name, exact=True)).to_be_enabled()
+        expect(self.page.get_by_role("button", name=name, exact=True).last).to_be_enabled()
         there = "(document.activeElement.ariaLabel || document.activeElement.textContent)"
         for _ in range(MOST_TABS):
             self.page.keyboard.press("Tab")
