@@ -258,3 +258,30 @@ def test_hands_that_tremble_or_leap_make_no_snap_below_zero(millimetres: float) 
     energy = live.energy
     energies = energy.stored + energy.dissipated + energy.snap + energy.drag + energy.lag
     assert energy.work == pytest.approx(energies + energy.residual, rel=1e-12)
+
+
+def test_strands_round_both_jaws_are_counted_once() -> None:
+    """Two rods side by side drag strands along, part, and slip out: no energy is left over."""
+    beam = SpaceBeam.of(DUCT, elements=40)
+    floor = LAYER.floor_under(beam)
+    live = BeamOnBed(beam, LAYER.strands_under(beam), floor=floor, rods=2, retrace=True)
+    tips = np.array([[20.0, 20.0, -5.5], [21.0, 20.0, -5.5]])
+    for rod, tip in enumerate(tips):
+        live.set_rod(rod, tip, ACROSS, 0.5)
+    for (x, y, apart), ticks in (
+        ((20.5, -14.0, 0.5), 60),  # in under the duct
+        ((24.5, -14.0, 0.5), 30),  # along it: strands wind round both
+        ((24.25, -14.0, 1.25), 20),  # opened
+        ((24.25, 20.0, 1.25), 25),  # and drawn out
+    ):
+        target = np.array([[x - apart, y, -5.5], [x + apart, y, -5.5]])
+        for fraction in np.linspace(0.0, 1.0, ticks + 1)[1:]:
+            for rod in range(2):
+                live.lead_rod(rod, tips[rod] + fraction * (target[rod] - tips[rod]))
+            live.tick(1.0 / 240.0)
+        tips = target
+        both = (live.touched_by(0) & live.touched_by(1)).sum()
+        assert both >= 5 or y > 0.0 or x < 24.0
+    energy = live.energy
+    assert energy.snap > 0.0 < energy.dissipated
+    assert abs(energy.residual) < 1e-4 * (energy.stored + energy.dissipated + energy.snap)

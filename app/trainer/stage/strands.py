@@ -194,10 +194,9 @@ def _write(s: kernels.State, aside: NDArray[np.float64], out: NDArray[np.float32
                 if s.rods[m, kernels.IN_USE] == 0.0 or s.side[m, i] & 1 == 0:
                     continue
                 side, clear, _, _, _ = kernels.path_round(end, foot, s.rods[m], s.side[m, i], False)
-                if side & 1 == 1:
+                if side & 1 == 1 and clear >= length:  # of two the longer one, as it is solved
                     length = clear
                     out[at + 4] = 1 + 2 * m + (1 if side > 0 else 0)
-                    break
             # Elongation over that at which it parts; below zero how slack it is, over its length.
             elongation = length - s.strand[kernels.LENGTH, i]
             row = kernels.FAILURE if elongation > 0.0 else kernels.LENGTH

@@ -4,9 +4,10 @@ A rod is a half-line from its tip, with direction u and radius r. A strand that 
 shortest path round it, straight on the unrolled cylinder, on the side where it was first touched:
 length^2 = plane^2 + axial^2, plane = l_a + l_b + r (phi - atan(l_a/r) - atan(l_b/r)), with
 l = sqrt(distance^2 - r^2) the tangent from either end and phi the angle between the ends about u.
-There is no friction. A strand is met when the tip has gone past it, and slips off past 3 rad or
-past the tip: these two jump, so that in a search for equilibrium they stand as they are
-(`update_rod_contacts`). The duct, a round bar about the axis, is kept off by a penalty contact.
+There is no friction; of two rods it goes round the one that makes it longer (`longest_round`). A
+strand is met when the tip has gone past it, and slips off past 3 rad or past the tip: these two
+jump, so that in a search for equilibrium they stand as they are (`update_rod_contacts`). The duct,
+a round bar about the axis, is kept off by a penalty contact.
 """
 
 import math
@@ -31,6 +32,7 @@ from physics.bed.kernels.state import (
     State,
 )
 from physics.bed.kernels.vectors import (
+    Bytes,
     Floats,
     Ints,
     Three,
@@ -214,10 +216,39 @@ def turn_arms(q: Floats, nodes: Ints, strand: Floats, which: Ints, out: Floats) 
 
 
 @inner
-def energy_round(s: State, i: int, path: float, straight: float) -> float:
-    """Return by how much more strand i stores along a path round a rod than straight, mJ."""
+def longest_round(
+    rods: Floats, side: Bytes, i: int, a: Three, b: Three, live: bool
+) -> tuple[int, float, Three, Three, float, float, int]:
+    """Return the rod round which strand i is longest, or -1, its `path_round`, and its jump."""
+    # The jump: its length before it met or slipped off rods, 0 if straight, and whether it did (1),
+    # or met one again that it had just slipped off (2); only if `live`, when sides are written.
+    # Of a strand round two rods, such as both jaws, the longer path is followed: as a path grows
+    # out of the chord or ends in it, the longer of both never jumps.
+    none = (0.0, 0.0, 0.0)
+    rod, longest, by_a, by_b, bow = -1, 0.0, none, none, 0.0
+    before, jumped = 0.0, 0
+    for m in range(rods.shape[0]):
+        if rods[m, IN_USE] == 0.0:
+            continue
+        was = side[m, i]
+        touch, path, to_a, to_b, bows = path_round(a, b, rods[m], was, live)
+        bent = touch & 1 == 1
+        if bent and path > longest:
+            rod, longest, by_a, by_b, bow = m, path, to_a, to_b, bows
+        if live:
+            if was < NO_CONTACT:
+                before = max(before, path)
+            if path > 0.0 and (was >= NO_CONTACT or not bent):
+                jumped = 2 if was == SLIPPED else max(jumped, 1)
+            side[m, i] = touch
+    return rod, longest, by_a, by_b, bow, before, jumped
+
+
+@inner
+def energy_between(s: State, i: int, path: float, before: float) -> float:
+    """Return by how much more strand i stores along one path than along another, mJ."""
     bent = path - s.strand[LENGTH, i]
-    short = straight - s.strand[LENGTH, i]
+    short = before - s.strand[LENGTH, i]
     pace = s.sums[PACE]
     if s.memory.shape[1]:
         less = s.memory[LESS, i]

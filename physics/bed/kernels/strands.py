@@ -30,8 +30,9 @@ from physics.bed.kernels.rods import (
     NO_CONTACT,
     SLIPPED,
     any_rod,
-    energy_round,
+    energy_between,
     group_nodes,
+    longest_round,
     path_round,
     press_beam,
     reached,
@@ -236,11 +237,13 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             for i in range(s.first[group], s.first[group + 1]):
                 if side[m, i] & 1 and damage[i] < 1.0:
                     end, foot = strand_ends(s.x, s.q, strand, n, other, i)
-                    path = path_round(end, foot, s.rods[m], side[m, i], False)[1]
+                    path = longest_round(s.rods, side, i, end, foot, False)[1]
+                    side[m, i] = NO_CONTACT
                     if path > 0.0:
                         d = added(end, scaled(foot, -1.0))
-                        straight = math.sqrt(dot(d, d))
-                        s.sums[SLIPPED_NOW] += energy_round(s, i, path, straight)
+                        after = longest_round(s.rods, side, i, end, foot, False)[1]
+                        after = after if after > 0.0 else math.sqrt(dot(d, d))
+                        s.sums[SLIPPED_NOW] += energy_between(s, i, path, after)
                 side[m, i] = NO_CONTACT
         if s.first[group] == s.first[group + 1]:
             continue
@@ -276,29 +279,22 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             pull = by_a = by_b = (0.0, 0.0, 0.0)
             path = bow = short = 0.0
             if near:
+                end = (x0 + rx, x1 + ry, x2 + rz)
                 foot = strand_foot(s.x, s.q, strand, other, i)
-                for m in range(s.rods.shape[0]):
-                    if s.rods[m, IN_USE] == 0.0:
-                        continue
-                    was = side[m, i]
-                    touch, path, by_a, by_b, bow = path_round(
-                        (x0 + rx, x1 + ry, x2 + rz), foot, s.rods[m], was, kind == RELAXED
-                    )
-                    bent = touch & 1 == 1
-                    if kind == RELAXED and path > 0.0 and (was >= NO_CONTACT or not bent):
-                        # Nothing along the shaft resists a tip that comes upon a strand, or that a
-                        # strand slips off: the energy by which it jumps is booked.
-                        jump = energy_round(s, i, path, math.sqrt(lx * lx + ly * ly + lz * lz))
-                        if was == SLIPPED:  # it meets the rod's other side
-                            s.sums[SLIPPED_NOW] -= jump
-                        else:
-                            s.sums[BENT_NOW if bent else SLIPPED_NOW] += jump
-                    if kind == RELAXED:
-                        side[m, i] = touch
-                    if bent:
-                        rod = m
-                        pull = added(by_a, by_b)
-                        break
+                rod, path, by_a, by_b, bow, before, jumped = longest_round(
+                    s.rods, side, i, end, foot, kind == RELAXED
+                )
+                pull = added(by_a, by_b)
+                if jumped > 0:
+                    # Nothing along the shaft resists a tip that comes upon a strand, or that a
+                    # strand slips off: the energy by which it jumps is booked.
+                    straight = math.sqrt(lx * lx + ly * ly + lz * lz)
+                    before = before if before > 0.0 else straight
+                    jump = energy_between(s, i, path if rod >= 0 else straight, before)
+                    if jump < 0.0 or jumped == 2:  # 2: it meets the rod's other side
+                        s.sums[SLIPPED_NOW] -= jump
+                    else:
+                        s.sums[BENT_NOW] += jump
             if rod >= 0:
                 length = path
                 il = 1.0 / length
@@ -562,12 +558,9 @@ def yielded(s: State) -> float:
             length = math.sqrt(dot(chord, chord))
             on_rod = False
             if rods:
-                for m in range(s.rods.shape[0]):
-                    if s.rods[m, IN_USE] != 0.0:
-                        touch, bent, _, _, _ = path_round(end, foot, s.rods[m], s.side[m, i], False)
-                        if touch & 1 == 1:
-                            length, on_rod = bent, True
-                            break
+                rod, path, _, _, _, _, _ = longest_round(s.rods, s.side, i, end, foot, False)
+                if rod >= 0:
+                    length, on_rod = path, True
             now = length - s.strand[LENGTH, i]
             u = now
             if s.memory.shape[1]:
