@@ -300,7 +300,7 @@ class SpatialTissue:
             self.beam.break_between(scale * opened[0], scale * opened[1])
         if self._exposed is not None:
             assert self.specimen.anatomy is not None  # noqa: S101 (of `Opening`)
-            self.beam.part(front_strands(self.specimen.anatomy, tubes, self._exposed))
+            self.beam.detach(front_strands(self.specimen.anatomy, tubes, self._exposed))
         self.fluids = tubes.fluids(self.beam)
         self.events: list[Event] = []
         self.soil = 0.0

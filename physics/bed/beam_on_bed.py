@@ -219,9 +219,9 @@ class BeamOnBed(Readings):
     def break_between(self, from_mm: float, to_mm: float, tube: str | None = None) -> None:
         """Part the strands that hold a stretch, beforehand, with no work; all is at rest."""
         at, number = self.strands.stations, self._rest.tubes.index(self._rest.tube(tube))
-        self.part((at >= from_mm) & (at <= to_mm) & (self.strands.tubes == number))
+        self.detach((at >= from_mm) & (at <= to_mm) & (self.strands.tubes == number))
 
-    def part(self, which: NDArray[np.bool_]) -> None:
+    def detach(self, which: NDArray[np.bool_]) -> None:
         """Part some of the (S,) strands beforehand, with no work; all is at rest."""
         self.state.damage[which[self.order]] = 1.0
         self.state.sums[kernels.AHEAD] = 0.0

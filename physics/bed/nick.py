@@ -78,25 +78,25 @@ class Nick:
         if low >= high:
             return None
         left, ring = self.left, self.section
-        part = (high - low) / (last - first)
-        part *= weak_length(self.height, self.depth) / (2.0 * self.reach)
+        fraction = (high - low) / (last - first)
+        fraction *= weak_length(self.height, self.depth) / (2.0 * self.reach)
         area, up = left.area / ring.area, left.second_moment / ring.second_moment
         across = left.across / ring.second_moment
         e, shift = float(whole[0]), left.shift
         opening, sideways = _turned(float(whole[4]), float(whole[5]), self.side)
         shears = _turned(float(whole[2]), float(whole[1]), self.side)
         # Of axial strain and opening, with the ligament about the axis.
-        both = part * shift / (up * opening)
-        bent = (1.0 - part) / opening + part / (up * opening)
-        axial = (1.0 - part) / e + part / (area * e) + shift * both
+        both = fraction * shift / (up * opening)
+        bent = (1.0 - fraction) / opening + fraction / (up * opening)
+        axial = (1.0 - fraction) / e + fraction / (area * e) + shift * both
         stiff = np.array(
             [
                 1.0 / (axial - both * both / bent),
-                _softer(shears[1], area, part),
-                _softer(shears[0], area, part),
-                _softer(float(whole[3]), 0.5 * (up + across), part),
+                _softer(shears[1], area, fraction),
+                _softer(shears[0], area, fraction),
+                _softer(float(whole[3]), 0.5 * (up + across), fraction),
                 1.0 / bent,
-                _softer(sideways, across, part),
+                _softer(sideways, across, fraction),
             ]
         )
         reaches = [
@@ -129,9 +129,9 @@ class Nick:
         return np.array([a, -b, 0.0, 0.0])
 
 
-def _softer(whole: float, part_left: float, part: float) -> float:
+def _softer(whole: float, stiffness_left: float, fraction: float) -> float:
     """Return a stiffness of which so much is left in a part of the length."""
-    return whole / (1.0 - part + part / part_left)
+    return whole / (1.0 - fraction + fraction / stiffness_left)
 
 
 def _turned(up: float, across: float, side: tuple[float, float]) -> tuple[float, float]:

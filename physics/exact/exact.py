@@ -33,7 +33,7 @@ Reason = Literal["lost", "unstable", "gives way", "squeezed", "out of reach"]
 REASONS: dict[int, tuple[Reason, str]] = {
     at.LOST: ("lost", "no equilibrium was found near the last one, however small the step"),
     at.UNSTABLE: ("unstable", "the equilibrium there would not stay, its energy can fall"),
-    at.GIVES_WAY: ("gives way", "a section has no stiffness left in stretch and shear"),
+    at.NO_STIFFNESS: ("gives way", "a section has no stiffness left in stretch and shear"),
     at.SQUEEZED: (
         "squeezed",
         f"a fibre would be squeezed to less than {at.LEAST_STRETCH:g} of its length",
@@ -362,7 +362,7 @@ class ExactPull(Pull):
         if not sampling.sample(
             self._state, self._fibres, self._per_piece, self._bounds, folded, ends, samples
         ):
-            raise self._no_equilibrium(at.GIVES_WAY, f"deflection of {self.deflection:g} mm")
+            raise self._no_equilibrium(at.NO_STIFFNESS, f"deflection of {self.deflection:g} mm")
         along: NDArray[np.float64] = samples[sampling.ALONG]
         side = np.where(far, -1.0, 1.0)
         sections = self.beam.sections_at(places, shear_areas=False)

@@ -441,7 +441,7 @@ def _verdict(points: Array, fibres: Array | None, line: Array, grasp: int) -> in
                 return SQUEEZED
         for i in range(points.shape[1]):
             if points[STIFFNESS, i] <= 0.0:
-                return GIVES_WAY
+                return NO_STIFFNESS
     if line[NEGATIVE] != 0.0:
         return UNSTABLE
     # Pulling never turns a section past the direction of the force in the beam. The linear law

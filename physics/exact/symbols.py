@@ -34,7 +34,7 @@ residual that this step leaves into the beam's equations: the whole converges as
 BY_FORCE, BY_DEFLECTION = 0, 1
 """What is prescribed: the pull, or the place of the grip, whose compliance is in between."""
 
-FOUND, LOST, UNSTABLE, GIVES_WAY, SQUEEZED, OUT_OF_REACH = 0, 1, 2, 3, 4, 5
+FOUND, LOST, UNSTABLE, NO_STIFFNESS, SQUEEZED, OUT_OF_REACH = 0, 1, 2, 3, 4, 5
 """Outcomes: an equilibrium; Newton's method did not converge; an unstable equilibrium; a section
 has no stiffness left; a fibre has almost no length left; no force as large within `FARTHEST`."""
 

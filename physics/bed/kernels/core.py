@@ -52,11 +52,11 @@ def approach(x: Floats, i: int, j: int, rod: Floats) -> tuple[float, bool, Three
     w = (x[i, 0] - tip[0], x[i, 1] - tip[1], x[i, 2] - tip[2])
     e = (x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2])
     ahead, turned = dot(w, u), dot(e, u)
-    across, way = added(w, scaled(u, -ahead)), added(e, scaled(u, -turned))
-    size = dot(way, way)
-    t = 0.5 if size < 1e-24 else min(1.0, max(0.0, -dot(across, way) / size))
+    across, outward = added(w, scaled(u, -ahead)), added(e, scaled(u, -turned))
+    size = dot(outward, outward)
+    t = 0.5 if size < 1e-24 else min(1.0, max(0.0, -dot(across, outward) / size))
     if ahead + t * turned > 0.0:
-        return t, False, added(across, scaled(way, t))
+        return t, False, added(across, scaled(outward, t))
     size = dot(e, e)
     t = min(1.0, max(0.0, -dot(w, e) / size)) if size > 0.0 else 0.0
     return t, True, added(w, scaled(e, t))
@@ -173,8 +173,8 @@ def rod_displacement(rods: Floats, rods_to: Floats, press: Floats, m: int) -> Th
     square, against = dot(p, p), p[0] * x + p[1] * y + p[2] * z
     if square <= HELD_BACK * HELD_BACK or against <= 0.0:
         return x, y, z
-    part = against / square
-    return x - part * p[0], y - part * p[1], z - part * p[2]
+    component = against / square
+    return x - component * p[0], y - component * p[1], z - component * p[2]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

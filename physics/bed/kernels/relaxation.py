@@ -171,9 +171,9 @@ def prepare(memory: Floats, branch: Floats, seconds: float, before: int, spring:
     for i in range(memory.shape[1]):
         memory[0, i] = first * memory[before, i]
     for m in range(branch.shape[0]):
-        part = branch[m, FRACTION] * branch[m, KEPT]
+        fading = branch[m, FRACTION] * branch[m, KEPT]
         for i in range(memory.shape[1]):
-            memory[0, i] -= part * memory[spring + m, i]
+            memory[0, i] -= fading * memory[spring + m, i]
     return pace
 
 

@@ -30,17 +30,17 @@ from physics.bed.kernels.vectors import dot, inlined
 
 # Into how many parts a tick may be divided in which rods move far; those that are not where they
 # should be then go on in the next tick.
-MOST_PARTS = 4096
+MOST_SUBSTEPS = 4096
 
 
 @inlined
-def rods_part(s: State, fraction: float) -> float:
+def safe_rods_fraction(s: State, fraction: float) -> float:
     """Return the part of the rods' way to their targets, at most `fraction`, to go at once."""
     longest, thinnest = 0.0, math.inf
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] != 0.0:
-            way = rod_displacement(s.rods, s.rods_to, s.press, m)
-            longest = max(longest, math.sqrt(dot(way, way)))
+            motion = rod_displacement(s.rods, s.rods_to, s.press, m)
+            longest = max(longest, math.sqrt(dot(motion, motion)))
             thinnest = min(thinnest, s.rods[m, RADIUS])
     if fraction * longest > thinnest:  # it might jump over a strand
         fraction = thinnest / longest
@@ -64,9 +64,9 @@ def advance(
             s.goal[n, r] += fraction * (s.goal_to[n, r] - s.goal[n, r])
             s.load[n, r] += fraction * (s.load_to[n, r] - s.load[n, r])
     for m in range(s.rods.shape[0]):
-        way = rod_displacement(s.rods, s.rods_to, s.press, m)
+        motion = rod_displacement(s.rods, s.rods_to, s.press, m)
         for r in range(3):
-            s.rods[m, TIP + r] += rods_fraction * way[r]
+            s.rods[m, TIP + r] += rods_fraction * motion[r]
     account(s, int(RELAXED), relaxation)
     if s.memory.shape[1] or s.wall_memory.shape[1]:
         settle(s, seconds)
@@ -112,23 +112,24 @@ def tick(s: State, ticks: int, relaxation: float, drag: float, seconds: float) -
     for now in range(ticks):
         fraction = 1.0 / (ticks - now)
         done = 0.0
-        for _ in range(MOST_PARTS):
+        for _ in range(MOST_SUBSTEPS):
             left = 1.0 - done
             going = left * fraction / (1.0 - done * fraction)
-            rods_going = rods_part(s, going)
-            part = left * rods_going / going
-            if part == left or part == 0.0:  # the rods cannot move on: time goes by all the same
-                part = left
+            rods_going = safe_rods_fraction(s, going)
+            portion = left * rods_going / going
+            # Rods that cannot move on: time goes by all the same.
+            if portion == left or portion == 0.0:
+                portion = left
             else:
                 going = rods_going
-            if part == 1.0:
+            if portion == 1.0:
                 relaxing, dragging = relaxation, drag
             else:
-                relaxing = part * relaxation / (1.0 - relaxation + part * relaxation)
-                dragging = drag / part
-            if not advance(s, going, rods_going, relaxing, dragging, part * seconds):
+                relaxing = portion * relaxation / (1.0 - relaxation + portion * relaxation)
+                dragging = drag / portion
+            if not advance(s, going, rods_going, relaxing, dragging, portion * seconds):
                 return False
-            done += part
+            done += portion
             if done >= 1.0 - 1e-12:
                 break
     return True
