@@ -97,7 +97,7 @@ class Led:
         up = high * math.sin(math.pi * min(max((phase - 0.15) / 0.7, 0.0), 1.0)) ** 2
         tip = self._rest + np.array([aside if bedded else 0.0, 0.0, up])
         held = bedded and 0.1 < phase < 0.9
-        hook = HookSnapshot(tip, np.zeros(3), float(tip[2]), float(tip[0]) if held else None)
+        hook = HookSnapshot(tip, np.zeros(3), float(tip[2]), float(tip[0]) if held else None, 0)
         return Snapshot(self._generation, False, (hook,))
 
     def stop(self) -> None:

@@ -60,6 +60,10 @@ class HapticModel(Protocol):
         """Return where a hook holds a duct in space, mm from the first end, or None."""
         ...
 
+    def tube_of(self, hook: int) -> int:
+        """Return the number of the tube that a hook holds or held last."""
+        ...
+
     def step(self, hands: NDArray[np.float64], held: NDArray[np.bool_]) -> None:
         """Advance by one period."""
         # `hands` are (H, 3) places, mm, less those at which their hooks are at rest; `held` (H,)
@@ -230,6 +234,11 @@ class HapticBeam:
     def station_of(self, hook: int) -> float | None:
         """Nothing: a hook stays at its grasp; see `HapticModel`."""
         del hook
+
+    def tube_of(self, hook: int) -> int:
+        """Return 0, as there is one; see `HapticModel`."""
+        del hook
+        return 0
 
     def solved_force(self, deflection: float) -> float:
         """Return the theory's force at a place, solved from rest and without the coupling."""

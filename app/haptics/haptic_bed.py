@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.haptics.haptic_beam import STRESS_STEPS, tear
-from app.simulation import TICK_SECONDS, HandContact
+from app.simulation import TICK_SECONDS, HandContact, near_place
 from kernel_cache import njit
 from physics import DEEPEST
 from physics.bed import BeamOnBed
@@ -123,8 +123,10 @@ class HapticBed:
         self._at_first, self._touch_at_first = beam, touch
         if beam.beam.wall is None:
             raise ValueError("a beam without a wall tears nowhere and cannot be felt")
-        self._wall, self._tube, self._strengths = beam.beam.wall, tube, dict(strengths or {})
-        names = beam.network.tubes
+        self._wall, self._strengths = beam.beam.wall, dict(strengths or {})
+        names = list(beam.network.tubes)
+        self._names = names
+        self._tubes = [0 if tube is None else names.index(tube)] * hooks  # that hooks take
         speeds = tear_mm_per_s or {}
         if not isinstance(speeds, Mapping):
             speeds = dict.fromkeys(names, speeds)
@@ -154,7 +156,8 @@ class HapticBed:
         self.tips[:] = self._taken[:] = self._tips_at_first
         self._touch, self._touched, self._touch_steps = self._touch_at_first, None, 0
         if self._touch is not None and self._touch.station is not None:
-            self._touched = int(np.argmin(np.abs(self.beam.stations - self._touch.station)))
+            at = np.abs(self.beam.stations_of(self._touch.tube) - self._touch.station).argmin()
+            self._touched = int(self.beam.nodes_of(self._touch.tube)[at])
         energies = self.beam.energy
         self._spent_at_first = energies.stored + energies.dissipated + energies.drag
         self._snap_at_first = energies.snap + energies.lag
@@ -169,13 +172,13 @@ class HapticBed:
         before, beam = self._touch, self.beam
         if self.torn:
             return
-        if touch.station != (None if before is None else before.station):
+        if before is None or (touch.station, touch.tube) != (before.station, before.tube):
             if self._touched is not None:
                 beam.let_go(self._touched)
                 self._touched = None
             if touch.station is not None:
                 with suppress(ValueError):  # a hook has the node
-                    self._touched = beam.take(touch.station)
+                    self._touched = beam.take(touch.station, touch.tube)
         rods = {} if before is None else {rod.number: rod for rod in before.rods}
         for rod in touch.rods:
             old = rods.pop(rod.number, None)
@@ -241,8 +244,13 @@ class HapticBed:
         node = self._nodes[hook]
         if node is None or self.torn:
             return None
-        at = np.flatnonzero(self.beam.nodes_of(self._tube) == node)[0]
-        return float(self.beam.stations_of(self._tube)[at])
+        tube = self._names[self._tubes[hook]]
+        at = np.flatnonzero(self.beam.nodes_of(tube) == node)[0]
+        return float(self.beam.stations_of(tube)[at])
+
+    def tube_of(self, hook: int) -> int:
+        """Return the number of the tube that a hook holds or held last; see `HapticModel`."""
+        return self._tubes[hook]
 
     def _stress(self) -> float:
         """Return the largest stress in the wall, MPa; of several, as a part of the threshold."""
@@ -289,15 +297,18 @@ class HapticBed:
             self._nodes[hook] = None
         elif node is None and holds and not self._slipped[hook]:
             tip = self.tips[hook]
-            station = self.grasps[hook]
-            if self.free:
-                station = min(max(float(tip[0]), 0.0), beam.beam.span)
-            try:
-                node = self._nodes[hook] = beam.take(station, self._tube, stiffness=self.coupling)
-            except ValueError:
-                if not self.free:
-                    raise
-                self._slipped[hook] = True  # until it tries again
+            found: tuple[int, float] | None = self._tubes[hook], self.grasps[hook]
+            if self.free and self._strengths:
+                found = near_place(beam, tip)
+            elif self.free:
+                found = 0, min(max(float(tip[0]), 0.0), beam.beam.span)
+            self._slipped[hook] = True  # until it tries again
+            if found is not None:
+                self._tubes[hook], station = found
+                with suppress(*[ValueError] * self.free):
+                    name = self._names[self._tubes[hook]]
+                    node = self._nodes[hook] = beam.take(station, name, stiffness=self.coupling)
+                    self._slipped[hook] = False
             # The hand's way counts from here.
             self._taken[hook] = tip if node is None else beam.places[node]
             self._hands[hook] = self._reacts[hook] = 0.0

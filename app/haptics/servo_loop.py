@@ -48,11 +48,11 @@ FIRST_STRIDE, FIRST_STRIDES = 0.0125, 2000
 # Rows of a loop's `motion`, each (K, 3): where devices are and where their paths began, m; targets
 # of the hooks, mm: where those paths began, now, a period ago, and between the two; then of the
 # model's last step: how far the hands moved, mm, forces at its beginning and a step before, N, and
-# where the hooks were, mm.
+# where the hooks were, mm; and the forces now along the devices' axes, N.
 (
     PLACE, ORIGIN, TARGET_START, TARGET, TARGET_BEFORE, TARGET_BETWEEN, MOVED, FORCE, FORCE_BEFORE,
-    HOOK_PLACE, ROWS,
-) = range(11)  # fmt: skip
+    HOOK_PLACE, PULLED, ROWS,
+) = range(12)  # fmt: skip
 ALONG = 0.5
 """Cosine between two steps of the hands up to which the second goes on from the first."""
 
@@ -63,6 +63,7 @@ def _lead(
     bits: NDArray[np.int64],
     before: NDArray[np.int64],
     motion: Array,
+    turns: Array,
     held: NDArray[np.bool_],
     to_mm: float,
     free: bool,
@@ -93,7 +94,9 @@ def _lead(
         held[hand] = taken
         before[hand] = now
         for j in range(3):
-            displacement = places[hand, j] - origins[hand, j]
+            displacement = 0.0
+            for i in range(3):
+                displacement += turns[hand, j, i] * (places[hand, i] - origins[hand, i])
             led[hand, j] = motion[TARGET_START, hand, j] + to_mm * displacement
     longest = 0.0
     for h in range(led.shape[0]):
@@ -190,6 +193,7 @@ def _settle(
     works: Array,
     energy: float,
     scale: float,
+    turns: Array,
     live: bool,
     memory: Array,
     given: Array,
@@ -199,8 +203,14 @@ def _settle(
     """Book the model's last step and find the forces of the next period."""
     _book(motion, forces, elastic, hooks, held, strides, strides, hands, pushes, works)
     motion[TARGET_BEFORE] = motion[TARGET]
+    pulled = motion[PULLED]
+    for hand in range(hands):
+        for j in range(3):
+            pulled[hand, j] = 0.0
+            for i in range(3):
+                pulled[hand, j] += turns[hand, i, j] * forces[hand, i]
     regulate(
-        motion[PLACE], forces, works[0] / scale, (energy - works[1]) / scale, live,
+        motion[PLACE], pulled, works[0] / scale, (energy - works[1]) / scale, live,
         memory, given, energies, figures,
     )  # fmt: skip
     works[0] = 0.0
@@ -242,6 +252,7 @@ class ServoLoop:
         self._to_mm = 1e3 * settings.scale
         self.ended = False
         self.holds = [settings.hold] * hands
+        self._turns = np.zeros((hands, 3, 3))
         self.leaving: Callable[[], None] = lambda: None  # called before another model is felt
         self.render(model, twin)
 
@@ -261,6 +272,7 @@ class ServoLoop:
         self._held = np.zeros(hooks, np.bool_)
         self._bits, self._bits_before = np.zeros((2, hands), np.int64)
         self._begun = False
+        self._turns[:] = np.eye(3)
         self.step(np.zeros((hands, 3), np.int64), [FRESH] * hands)  # compiled before it is felt
         self._begun = False
         self._last = np.zeros((hands, 3), np.int64), [0] * hands
@@ -268,6 +280,18 @@ class ServoLoop:
         if twin is not None:
             self._twin = ServoLoop(twin, self.settings, limits, hands)
             self._twin.holds = self.holds
+
+    def turn(self, hand: int, axes: Array) -> None:
+        """Lead a hand's hook along other axes: columns of (3, 3), the device's among the duct's.
+
+        The hook stays where it is and goes on from there. So its steps are those of the device
+        turned, its force is turned back, and both have the same power: however the axes turn, they
+        do no work.
+        """
+        motion = self._motion
+        motion[ORIGIN, hand] = motion[PLACE, hand]
+        motion[TARGET_START, hand] = motion[TARGET, hand]
+        self._turns[hand] = axes
 
     def warm_caches(self) -> None:
         """Take the last step again with the twin, for nothing but a processor that has it at hand.
@@ -312,7 +336,8 @@ class ServoLoop:
             self._begun = True
         model, held, regulator = self.model, self._held, self.regulator
         strides, live = _lead(
-            units, bits, self._bits_before, motion, held, self._to_mm, model.free, *bounds
+            units, bits, self._bits_before, motion, self._turns, held, self._to_mm, model.free,
+            *bounds,
         )  # fmt: skip
         # A hand that was lost for some periods is followed along its way.
         for stride in range(1, strides):
@@ -324,7 +349,7 @@ class ServoLoop:
         _settle(
             motion, model.forces, model.elastic_forces, model.hooks, held, strides, hands,
             model.pushes, self._works, model.stored + model.spent, self.settings.scale,
-            live and not self.ended, *regulator.state,
+            self._turns, live and not self.ended, *regulator.state,
         )  # fmt: skip
 
     def end(self) -> None:

@@ -8,7 +8,7 @@ the trainer ends, the pipe closes and the force ends.
 import multiprocessing
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
@@ -44,7 +44,7 @@ __all__ = [
 
 NUMBER, GENERATION, TORN, FRESH_PEAK, HEAD = range(5)
 """Entries of the shared array; then come those of each hand."""
-TIP, FORCE, PEAK, STATION, ROW = 0, 3, 6, 7, 8
+TIP, FORCE, PEAK, STATION, TUBE, ROW = 0, 3, 6, 7, 8, 9
 # Periods between two reads of the pipe.
 POLL_PERIODS = 8
 STOP_SECONDS = 5.0
@@ -81,14 +81,16 @@ class BedSetting:
     threshold: float
     touch: HandContact | None  # what the hand without a device does to the beam
     hold: bool = False
-    tear_mm_per_s: float | None = None  # how fast a tear crosses the wall; at once when None
+    # How fast a tear crosses the wall, of all tubes or by name; at once when None.
+    tear_mm_per_s: float | Mapping[str, float] | None = None
+    strengths: Mapping[str, float] | None = None  # MPa, of several tubes
 
     def model(self, coupling: float, period: float, hands: int) -> HapticBed:
         """Return it; see `DuctSetting`."""
         return HapticBed(
             self.beam, tuple(self.tips[:hands, 0].tolist()), tips=self.tips[:hands],
             threshold=self.threshold, coupling=coupling, period=period, touch=self.touch,
-            tear_mm_per_s=self.tear_mm_per_s,
+            tear_mm_per_s=self.tear_mm_per_s, strengths=self.strengths,
         )  # fmt: skip
 
 
@@ -105,6 +107,7 @@ class HookSnapshot:
     force: NDArray[np.float64]  # (3,) on the duct, N
     peak: float  # highest place since the last snapshot, mm
     station: float | None  # that it holds, mm along a beam in its bed
+    tube: int  # of the bed, that it holds or held last
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,9 +134,17 @@ class ServoLink:
         self._send((self._generation, setting))
         return self._generation
 
-    def lead(self, touch: HandContact | None, holds: Sequence[bool]) -> None:
-        """Say what the hand without a device does, and which hooks hold without a button."""
-        self._send((self._generation, touch, tuple(holds)))
+    def lead(
+        self,
+        touch: HandContact | None,
+        holds: Sequence[bool],
+        axes: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Say what the hand without a device does, and which hooks hold without a button.
+
+        `axes`, (3, 3), are the devices' right, forward and up among the duct's axes, in columns.
+        """
+        self._send((self._generation, touch, tuple(holds), axes))
 
     def snapshot(self) -> Snapshot:
         """Return where the hooks are now."""
@@ -154,6 +165,7 @@ class ServoLink:
                     hook[FORCE : FORCE + 3],
                     max(float(hook[PEAK]), float(hook[TIP + 2])),
                     None if np.isnan(hook[STATION]) else float(hook[STATION]),
+                    int(hook[TUBE]),
                 )
                 for hook in hooks
             ),
@@ -262,8 +274,11 @@ class ServoEnd:
             if len(message) == 2:
                 self._change(loop, *message)
             elif message[0] == self._generation:
-                _, touch, holds = message
+                _, touch, holds, axes = message
                 loop.holds[:] = holds
+                if axes is not None:
+                    for hand in range(loop.hands):
+                        loop.turn(hand, axes)
                 if touch is not None and isinstance(loop.model, HapticBed):
                     loop.model.touch(touch)
         self._messages.clear()
@@ -279,6 +294,7 @@ class ServoEnd:
             hook[PEAK] = tip[2] if fresh else max(hook[PEAK], tip[2])
             station = model.station_of(number)
             hook[STATION] = np.nan if station is None else station
+            hook[TUBE] = model.tube_of(number)
         row[NUMBER] += 1.0
 
     def _change(self, loop: ServoLoop, generation: int, setting: HapticSetting | None) -> None:

@@ -56,6 +56,7 @@ from app.simulation.preset import (
     presets,
     read_preset,
 )
+from app.simulation.reached_tube import REACH, near_place, pointed_at, wall_offset
 from app.simulation.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
 from app.simulation.run import Run
@@ -124,6 +125,7 @@ __all__ = [
     "MOST_POINTS",
     "MOST_SUCTION",
     "PIECES",
+    "REACH",
     "SETTLED_SECONDS",
     "STRUCTURES",
     "SWAB_RADIUS",
@@ -211,9 +213,11 @@ __all__ = [
     "fits",
     "free_specimen",
     "loading_rates",
+    "near_place",
     "organ_beam",
     "perform",
     "performed",
+    "pointed_at",
     "preset_named",
     "preset_toml",
     "presets",
@@ -229,4 +233,5 @@ __all__ = [
     "specimen_in_bed",
     "tear_front",
     "tear_swing",
+    "wall_offset",
 ]

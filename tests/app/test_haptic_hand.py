@@ -12,6 +12,7 @@ import pytest
 from program import LONGEST
 from simulated import bed_session, phantom, pull_session
 
+from app.anatomy import anatomy_named, anatomy_network
 from app.haptics import servo_process
 from app.haptics.device import DeviceError, DeviceOptions, DeviceState
 from app.haptics.hand import HandScript, SimulatedHand, Waypoint
@@ -29,15 +30,16 @@ from app.haptics.servo_process import (
     Snapshot,
 )
 from app.haptics.virtual_device import VirtualDevice
-from app.simulation import TICK_SECONDS, Phase, Replay, bed_named
+from app.simulation import TICK_SECONDS, Phase, Replay, Session, Specimen, bed_named
 from app.trainer.client.haptic_hand import HapticHand, setting_of
 from app.trainer.client.page_state import PageState
 from app.trainer.client.workers import Workers
+from app.trainer.scope.held_scope import HeldScope
 from physics import Exact, TautString
 
 
 def hook(deflection: float = 0.0) -> HookSnapshot:
-    return HookSnapshot(np.array([0.0, 0.0, deflection]), np.zeros(3), deflection, None)
+    return HookSnapshot(np.array([0.0, 0.0, deflection]), np.zeros(3), deflection, None, 0)
 
 
 @dataclass
@@ -219,6 +221,42 @@ def dissecting(*scripts: HandScript) -> tuple[HapticHand, StepwiseServo, PageSta
     servo = StepwiseServo(*scripts)
     state = PageState(MagicMock(), bed_session(phantom(), vertices=300), cast(Workers, None))
     return HapticHand(cast(ServoProcess, servo)), servo, state
+
+
+def test_through_a_scope_right_is_right_in_the_picture_and_the_nearest_tube_is_taken() -> None:
+    servo = StepwiseServo(
+        script(
+            (0.1, (0.0, 0.0, 0.0), ""), (0.5, (5.0, 0.0, 0.0), ""), (0.7, (5.0, 0.0, 0.0), ""),
+            (0.8, (5.0, 0.0, 0.0), "a"), (1.4, (5.0, -3.0, 0.0), "a"),
+        )
+    )  # fmt: skip
+    specimen = Specimen.of_anatomy(anatomy_named("normal"))
+    session = Session(specimen, vertices=300)
+    state = PageState(MagicMock(), session, cast(Workers, None))
+    hand = HapticHand(cast(ServoProcess, servo))
+    held = HeldScope(anatomy_network(anatomy_named("normal")))
+    held.move(pan=0.1, tilt=-0.1, cable=0.3)
+    right, up, back = held.camera.axes.T
+    tissue = session.spatial
+    session.choose_instrument(0, "hook")  # as the device has it
+    session.look_from(held.view)
+    # Left of the cystic duct, so that it comes to lie at it.
+    at = tissue.beam.places_at(np.array([12.0]), "cystic")[0]
+    session.move_hand(0, at - 5.0 * right)
+    for _ in range(60):
+        session.advance()
+    start = np.array(tissue.hands[0].target)
+    dissect(hand, servo, state, 0.65)
+    assert tissue.hands[0].target - start == pytest.approx(5.0 * right, abs=0.3)
+    dissect(hand, servo, state, 0.85)
+    (felt,) = servo.snapshot().hooks
+    assert tissue.tubes.names[felt.tube] == tissue.tubes.names[tissue.hands[0].tube] == "cystic"
+    assert felt.station is not None
+    assert session.reading().holding == (True, False)
+    # Drawn towards the scope, the duct draws back: away from it, which is forward for the device.
+    given = servo.loop.given[0]
+    assert given[1] > 0.05
+    assert given == pytest.approx(-np.stack([right, -back, up]) @ felt.force, abs=0.05)
 
 
 def dissect(hand: HapticHand, servo: StepwiseServo, state: PageState, seconds: float) -> None:

@@ -29,6 +29,7 @@ from app.simulation import (
     Specimen,
     Trocar,
     exercises_offered,
+    near_place,
     performed,
     read_run,
     read_script,
@@ -40,7 +41,6 @@ from app.trainer.client.scope_lead import HOLDS_MM_S, STEADY, ScopeLead
 from app.trainer.client.workers import Workers
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
-from app.trainer.scope.near_place import near_place
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Packing, Well
 from app.trainer.scope.pose import OBLIQUE, Laparoscope, Pose
 from app.trainer.scope.surroundings import film_runs, floor_under, strand_table, working_place

@@ -364,6 +364,59 @@ def test_the_clutch_moves_the_device_without_the_hook_and_makes_no_energy() -> N
     assert loop.regulator.energies[WORK] > -0.02
 
 
+def rotation(angle: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """About (1, 2, 2)/3, by Rodrigues's formula."""
+    x, y, z = 1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+
+
+def test_a_device_with_axes_of_its_own_gets_the_force_turned_back() -> None:
+    # Without a damper, which would set in a period earlier or later for places on another grid.
+    settings, axes = LoopSettings(), rotation(0.8)
+    limits = DeviceLimits(10.0, 200.0, 0.5, added_damping=0.0)
+    plain, turned = (
+        ServoLoop(in_bed().haptic_model(0.2, settings.period), settings, limits) for _ in range(2)
+    )
+    turned.turn(0, axes)
+    largest = 0.0
+    for place in moved(4, settings, 2.0)[:1200]:
+        for loop, at in ((plain, place), (turned, place @ axes)):
+            loop.step(np.rint(at[None] / PLACE_UNIT).astype(np.int64), [FRESH | LIVE])
+        largest = max(largest, float(np.abs(plain.given).max()))
+        assert turned.model.forces[0] == pytest.approx(plain.model.forces[0], abs=5e-4)
+        assert turned.given[0] @ axes.T == pytest.approx(plain.given[0], abs=5e-4)
+    assert largest > 0.05
+    for loop in (plain, turned):
+        assert isinstance(loop.model, HapticBed)
+        assert loop.model.parted == 0
+
+
+def test_axes_that_turn_move_no_hook_and_give_no_energy() -> None:
+    """At thirty times a second, as a scope that an assistant leads."""
+    settings, friction = LoopSettings(), 0.5
+    limits = DeviceLimits(20.0, 1e6, friction, delay=1e-3)
+    coupling = passive_coupling(limits, settings)
+    loop = ServoLoop(in_bed().haptic_model(coupling, settings.period), settings, limits)
+    places = moved(5, settings, 12.0)
+    held, taken, work = [np.zeros(3)], 0.0, 0.0
+    for row, (before, place) in enumerate(pairwise(places)):
+        if row % 33 == 0:
+            target = loop.hook_targets[0].copy()
+            loop.turn(0, rotation(1e-3 * row))
+            units = np.rint(before[None] / PLACE_UNIT).astype(np.int64)
+            loop.step(units, [LIVE])  # without a new state: the device stands
+            assert np.array_equal(loop.hook_targets[0], target)
+        loop.step(np.rint(before[None] / PLACE_UNIT).astype(np.int64), [FRESH | LIVE])
+        held.append(loop.given[0].copy())
+        way = place - before
+        work -= 1e3 * float(held.pop(0) @ way)
+        taken += 1e3 * friction * float(way @ way) / settings.period
+        assert work + taken > -1e-3
+    assert taken > 1.0
+    assert np.abs(loop.given).max() > 0.01
+
+
 def test_a_button_takes_the_duct_and_lets_go() -> None:
     loop = ServoLoop(choice().haptic_model(1.0), LoopSettings(hold=False), LIMITS)
     stepped(loop, 0.0, FRESH | LIVE)

@@ -1,5 +1,7 @@
 """Haptic devices in the trainer: they hold the hooks of the first page, which says so.
 
+Through a scope a device leads along the picture: right is right in it, forward is into it.
+
 The servo computes the force at its own rate, in a process of its own. At each tick of the trainer's
 clock the session's hand is moved to where the device's hook is, as a mouse would move it, so that
 exercises, measures, tear and replay work the same. The servo is given the session's duct again
@@ -12,10 +14,13 @@ and keys does to the duct.
 import pickle
 
 import numpy as np
+from numpy.typing import NDArray
 
+from app.anatomy import anatomy_network
 from app.haptics.servo_process import BedSetting, DuctSetting, HapticSetting, ServoProcess, Snapshot
 from app.simulation import HANDS, Phase, Session
 from app.trainer.client.page_state import PageState
+from app.trainer.scope.held_scope import HeldScope
 
 __all__ = ["HapticHand", "setting_of"]
 
@@ -51,6 +56,7 @@ class HapticHand:
         self._torn, self._torn_ticks = False, 0
         self._refused: str | None = None
         self._led: bytes | None = None  # what was said last of the other hand
+        self._scope: HeldScope | None = None  # through which an anatomy is seen
 
     def attend(self, state: PageState | None) -> None:
         """Advance by one tick, for the page that has the device, or for none."""
@@ -161,7 +167,8 @@ class HapticHand:
         for hand, hook in enumerate(snapshot.hooks[: self._hands]):
             held = self._holds[hand]
             if hook.station is not None and not held:
-                held = session.grab(hand, hook.station / duct.surface.scale) is not None
+                scale = duct.tubes.surfaces[hook.tube].scale
+                held = session.grab(hand, hook.station / scale, hook.tube) is not None
             elif hook.station is None and held and not snapshot.torn:
                 session.release(hand)
                 held = False
@@ -176,17 +183,33 @@ class HapticHand:
         beam, touch = session.beam_touched_by(HANDS - 1)
         tips = np.array([hand.target for hand in session.spatial.hands[: self._hands]])
         other = None if self._hands == HANDS else touch
-        self._led = None
-        speed = session.tissue.dissection.preset.tear_mm_per_s
-        return BedSetting(beam, tips, session.tissue.threshold, other, tear_mm_per_s=speed)
+        self._led = self._scope = None
+        threshold, anatomy = session.tissue.threshold, session.specimen.anatomy
+        if anatomy is None:
+            speed = session.tissue.dissection.preset.tear_mm_per_s
+            return BedSetting(beam, tips, threshold, other, tear_mm_per_s=speed)
+        self._scope = HeldScope(anatomy_network(anatomy))
+        tubes = session.spatial.tubes
+        strengths = dict(zip(tubes.names, tubes.strengths, strict=True))
+        speeds = tubes.tear_speeds
+        return BedSetting(beam, tips, threshold, other, tear_mm_per_s=speeds, strengths=strengths)
+
+    def _axes(self, session: Session) -> NDArray[np.float64]:
+        """Return right, forward and up of the devices among the duct's axes, (3, 3) columns."""
+        scope = self._scope
+        if scope is None or not scope.show(session.spatial.pose):
+            return np.eye(3)
+        right, up, back = scope.camera.axes.T
+        return np.stack([right, -back, up], axis=1)
 
     def _lead_other(self, state: PageState) -> None:
-        """Tell the servo what the hand of mouse and keys does, and what the keys hold."""
+        """Tell the servo what the other hand does, what the keys hold, and how the scope looks."""
         other = None if self._hands == HANDS else state.session.touch(HANDS - 1)
-        message = pickle.dumps((other, state.device_holds))
+        axes = self._axes(state.session)
+        message = pickle.dumps((other, state.device_holds, axes))
         if message != self._led:
             self._led = message
-            self._servo.lead(other, state.device_holds[: self._hands])
+            self._servo.lead(other, state.device_holds[: self._hands], axes)
 
     def _let_go(self, state: PageState) -> None:
         """Release what the devices hold in the session."""

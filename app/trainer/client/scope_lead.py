@@ -17,10 +17,12 @@ from app.simulation import (
     Instrument,
     Session,
     Structure,
+    near_place,
+    pointed_at,
+    wall_offset,
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
-from app.trainer.scope.near_place import near_place, pointed_at, wall_offset
 
 __all__ = ["HOLDS_MM_S", "SPREAD", "ScopeLead"]
 

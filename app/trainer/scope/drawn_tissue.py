@@ -7,8 +7,7 @@ import numpy as np
 import viser
 
 from app.anatomy import AnatomyNetwork
-from app.simulation import TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar
-from app.trainer.scope.near_place import wall_offset
+from app.simulation import TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar, wall_offset
 from app.trainer.scope.packing import DrawnHand, Well
 from app.trainer.scope.picture import ScopePicture
 from app.trainer.scope.pose import Laparoscope, Pose

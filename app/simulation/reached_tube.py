@@ -5,7 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import TROCARS, SpatialTissue
+from app.simulation.spatial_tissue import SpatialTissue
+from app.simulation.trocar import TROCARS
 from physics.bed import BeamOnBed
 
 __all__ = ["REACH", "near_place", "pointed_at", "wall_offset"]
