@@ -1,5 +1,6 @@
 """The teacher's page of a class with a course: need, grid, curves, levels, forms."""
 
+import io
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -9,6 +10,7 @@ import pytest
 from axe import faults
 from browser import PATIENCE, new_context
 from class_runs import record
+from PIL import Image
 from playwright.sync_api import Browser, Page, expect
 from program import free_port
 from simulated import phantom
@@ -156,3 +158,25 @@ def test_a_course_s_file_and_a_record_store_are_advanced(teacher: Page) -> None:
     expect(teacher.locator("#all-levels")).to_be_hidden()
     teacher.locator("#give-course").click()
     expect(course.locator("table.grid")).to_be_visible()
+
+
+def test_points_for_a_photograph_are_kept_as_they_are_chosen(
+    teacher: Page, running: Trainer
+) -> None:
+    assert running._lesson is not None
+    store = running._lesson.store
+    run = record(store.people()[0].id, passed=True)
+    store.save(run)
+    picture = io.BytesIO()
+    Image.new("RGB", (40, 30), (140, 60, 40)).save(picture, "WEBP")
+    store.keep_photographs(run.id, [picture.getvalue()])
+    for given in ("0", "6", ""):
+        teacher.reload()
+        teacher.get_by_text("Photographs for the record").click()
+        teacher.wait_for_function("document.querySelector('figure img')?.naturalWidth === 40")
+        choice = teacher.get_by_label("yours")
+        assert choice.locator("option").all_text_contents() == ["none", *map(str, range(7))]
+        choice.select_option(given)
+        expect(teacher.locator("#said")).to_contain_text("Kept beside the computed points.")
+        assert store.ratings() == ({run.id: int(given)} if given else {})
+    assert faults(teacher, "teacher") == []
