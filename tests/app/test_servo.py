@@ -409,9 +409,9 @@ def test_axes_that_turn_move_no_hook_and_give_no_energy() -> None:
             assert np.array_equal(loop.hook_targets[0], target)
         loop.step(np.rint(before[None] / PLACE_UNIT).astype(np.int64), [FRESH | LIVE])
         held.append(loop.given[0].copy())
-        way = place - before
-        work -= 1e3 * float(held.pop(0) @ way)
-        taken += 1e3 * friction * float(way @ way) / settings.period
+        moved_by = place - before
+        work -= 1e3 * float(held.pop(0) @ moved_by)
+        taken += 1e3 * friction * float(moved_by @ moved_by) / settings.period
         assert work + taken > -1e-3
     assert taken > 1.0
     assert np.abs(loop.given).max() > 0.01
