@@ -281,7 +281,7 @@ def test_slow_page_gets_the_simple_picture_and_a_way_back(
     trainer = Trainer(phantom(), port=0, scene="free", look="auto")
     try:
         with trainer_page(browser, trainer.address, width=480, height=360) as tab:
-            expect(tab.page.get_by_text("software mode")).to_contain_text("--look plain")
+            expect(tab.page.get_by_text("software mode")).to_contain_text("A simpler picture helps")
             tab.wait_for_node("skin_inside")  # of the plain look
             expect(tab.page.get_by_text("A simpler picture", exact=True)).to_be_visible()
             tab.open("Model")

@@ -87,6 +87,7 @@ class PageState:
         self.exercise_inputs: ExerciseInputs = exercise_inputs
         self._panels = 0  # that have been removed
         self.last_run: RunFile | None = None
+        self.close_result: Callable[[], object] = lambda: None
         # the run whose end the page has shown
         self.announced: object = session.run if session.run.over else None
         # the replay that is shown in place of the session

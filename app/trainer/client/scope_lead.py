@@ -44,7 +44,10 @@ SUCTION = 15.0
 """ml/s."""
 STEADY = math.cos(math.radians(3.0))
 """Cosine of the angle within which an instrument's shaft is left as it lies in the tissue."""
-NOTHING_NEAR = "No tube is between the jaws. Bring the tip to one: its shadow shows how near it is."
+NOTHING_NEAR = (
+    "Neither a tube nor the gallbladder is between the jaws. Lead the tip deeper with the wheel: "
+    "its shadow shows how near it is."
+)
 ENDS = "Jaws do not hold there: a clamp, the other hand or a tear is too near."
 NOT_BETWEEN = (
     "No tube lies between the open jaws with its whole width: clear it all round, and bring the "

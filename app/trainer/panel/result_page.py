@@ -145,7 +145,9 @@ def show_result(
         else next_time(exercise, run.outcome, run.metrics, tries)
     )
     forget: list[Callable[[], None]] = []
+    state.close_result()  # of two dialogs the lower one could not be reached
     with dialog(gui, "Result", closed=lambda: [each() for each in forget]) as close:
+        state.close_result = close
 
         def closing(action: Callable[[], object]) -> Callable[[], None]:
             def press() -> None:

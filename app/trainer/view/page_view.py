@@ -414,7 +414,7 @@ class PageView:
         if self._look == "plain":
             return
         where = f"{SIMPLE_PICTURE!r} in the {'Model' if self._lead is None else 'Train'} tab"
-        remedy = f"A simpler picture helps: {where}, or start with --look plain."
+        remedy = f"A simpler picture helps: {where}."
         command: viser.CommandHandle | None = None
         if self._look == "auto":
             command = self.client.gui.add_command(
