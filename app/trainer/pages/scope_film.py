@@ -97,7 +97,10 @@ def filmed(
             tissue = replay.session.spatial
             picture = picture_of(pages[0].scene, held.made, tissue, held.scope, plain=plain)
             draw_tissue(picture, tissue, held.pose)
-            page.wait_for_function("() => window.bluntdissectScope?.picture?.state?.frames > 0")
+            page.wait_for_function(
+                "() => window.bluntdissectScope?.picture?.state?.frames > 0"
+                " && bluntdissectScope.picture.drawn > 0"
+            )
             page.add_style_tag(content=HIDDEN)
 
             def take() -> Dots:
