@@ -153,7 +153,7 @@ def test_arrows_are_as_the_forces_and_are_hidden_with_the_figures(
     drawn.draw(reading)
     held, free = drawn._arrows
     assert (held.visible, free.visible) == (True, False)
-    arrow, label = held._nodes
+    arrow, label = held._handles
     foot, tip = arrow.points[0]
     direction, force = tip - foot, session.tissue.dissection.frame @ reading.forces[0]
     np.testing.assert_allclose(
@@ -185,7 +185,7 @@ def test_the_stretch_that_an_exercise_is_about_is_marked(
     drawn.draw(session.reading())
     marked = shown()
     assert marked is not None
-    lines, _ = marked._nodes
+    lines, _ = marked._handles
     assert (lines.points[..., 0].min(), lines.points[..., 0].max()) == (20.0, 31.0)
     session.finish()
     drawn.draw(session.reading())
@@ -318,7 +318,7 @@ def test_a_divided_duct_is_drawn_without_its_second_clamp(
     assert stubs[0][0] == stubs[0][1] == stubs[1][0] > 0
     assert stubs[1][1] == 0, "nothing is pinched at the end that is free"
     assert scene._annotations._stretch is not None
-    marked = scene._annotations._stretch._nodes[0].points[..., 0]
+    marked = scene._annotations._stretch._handles[0].points[..., 0]
     assert marked.max() - marked.min() == pytest.approx(front_length, abs=1e-3)
     session.reset()
     scene.draw(session.reading())

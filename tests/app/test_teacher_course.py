@@ -177,6 +177,6 @@ def test_points_for_a_photograph_are_kept_as_they_are_chosen(
         choice = teacher.get_by_label("yours")
         assert choice.locator("option").all_text_contents() == ["none", *map(str, range(7))]
         choice.select_option(given)
-        expect(teacher.locator("#said")).to_contain_text("Kept beside the computed points.")
+        expect(teacher.locator("#notice")).to_contain_text("Kept beside the computed points.")
         assert store.ratings() == ({run.id: int(given)} if given else {})
     assert faults(teacher, "teacher") == []

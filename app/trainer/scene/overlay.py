@@ -82,7 +82,7 @@ class Overlay(Drawn):
 
     def show(self, transforms: NDArray[np.float64], pull: NDArray[np.float64]) -> None:
         """Draw the points and sections as the driving points' transforms move them."""
-        points, lines, driving = self._nodes
+        points, lines, driving = self._handles
         self._bound.deform(transforms, self._rings)
         points.points = self._rings[self._key_index]
         lines.points = self._segments()

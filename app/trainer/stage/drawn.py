@@ -30,10 +30,10 @@ def add_model(scene: viser.SceneApi, name: str, file: bytes, **place: Any) -> vi
 
 
 class Drawn:
-    """Scene nodes, added hidden, that are handled as one; `parts` are their handles."""
+    """Scene nodes, added hidden, that are handled as one; `handles` are theirs."""
 
-    def __init__(self, *nodes: Any) -> None:
-        self._nodes = nodes
+    def __init__(self, *handles: Any) -> None:
+        self._handles = handles
         self._visible = False
 
     @property
@@ -45,10 +45,10 @@ class Drawn:
     def visible(self, visible: bool) -> None:
         if visible != self._visible:
             self._visible = visible
-            for node in self._nodes:
-                node.visible = visible
+            for handle in self._handles:
+                handle.visible = visible
 
     def remove(self) -> None:
         """Remove it from the scene."""
-        for node in self._nodes:
-            node.remove()
+        for handle in self._handles:
+            handle.remove()
