@@ -270,7 +270,7 @@ def critical_view(path: Path) -> None:
     drawing.picture(STILL, width, height)
     for words, x, y, anchor, start, to in (
         ("gallbladder", 14, 40, "start", (44, 46), (185, 105)),
-        ("3", 120, 24, "middle", (120, 30), (322, 168)),
+        ("3", 250, 56, "middle", (254, 62), (322, 168)),
         ("cystic duct", 14, 470, "start", (44, 456), (428, 268)),
         ("2", 36, 250, "middle", (44, 250), (452, 262)),
         ("cystic artery", 746, 60, "end", (646, 56), (424, 236)),
