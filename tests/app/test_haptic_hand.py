@@ -249,14 +249,14 @@ def test_through_a_scope_right_is_right_in_the_picture_and_the_nearest_tube_is_t
     dissect(hand, servo, state, 0.65)
     assert tissue.hands[0].target - start == pytest.approx(5.0 * right, abs=0.3)
     dissect(hand, servo, state, 0.85)
-    (felt,) = servo.snapshot().hooks
-    assert tissue.tubes.names[felt.tube] == tissue.tubes.names[tissue.hands[0].tube] == "cystic"
-    assert felt.station is not None
+    (led,) = servo.snapshot().hooks
+    assert tissue.tubes.names[led.tube] == tissue.tubes.names[tissue.hands[0].tube] == "cystic"
+    assert led.station is not None
     assert session.reading().holding == (True, False)
     # Drawn towards the scope, the duct draws back: away from it, which is forward for the device.
     given = servo.loop.given[0]
     assert given[1] > 0.05
-    assert given == pytest.approx(-np.stack([right, -back, up]) @ felt.force, abs=0.05)
+    assert given == pytest.approx(-np.stack([right, -back, up]) @ led.force, abs=0.05)
 
 
 def dissect(hand: HapticHand, servo: StepwiseServo, state: PageState, seconds: float) -> None:
