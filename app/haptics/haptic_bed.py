@@ -302,13 +302,15 @@ class HapticBed:
                 found = near_place(beam, tip)
             elif self.free:
                 found = 0, min(max(float(tip[0]), 0.0), beam.beam.span)
-            self._slipped[hook] = True  # until it tries again
             if found is not None:
                 self._tubes[hook], station = found
-                with suppress(*[ValueError] * self.free):
-                    name = self._names[self._tubes[hook]]
+                name = self._names[self._tubes[hook]]
+                try:
                     node = self._nodes[hook] = beam.take(station, name, stiffness=self.coupling)
-                    self._slipped[hook] = False
+                except ValueError:
+                    if not self.free:
+                        raise
+            self._slipped[hook] = node is None  # until it tries again
             # The hand's way counts from here.
             self._taken[hook] = tip if node is None else beam.places[node]
             self._hands[hook] = self._reacts[hook] = 0.0
