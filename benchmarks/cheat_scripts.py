@@ -12,6 +12,7 @@ from benchmarks.faults import (
     Make,
     behind,
     beside_and_open,
+    drag,
     front,
     go,
     goal,
@@ -117,11 +118,9 @@ def saw(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
 def flutter(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Plough while the jaws open and close a little."""
     yield from behind(hands, middle(exercise) - 9.0)
-    start = hands.duct.hands[1].target.copy()
-    for distance in steps(18.0, speed):
-        hands.move_hand(1, start + np.array([distance, 0.0, 0.0]))
-        hands.open_jaws(1, 1.5 * (1.0 + math.sin(36.0 * distance / speed)))
-        yield
+    yield from drag(
+        hands, 18.0, speed, lambda distance: 1.5 * (1.0 + math.sin(36.0 * distance / speed))
+    )
 
 
 def swab_under(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:

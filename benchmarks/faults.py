@@ -179,14 +179,21 @@ def jump_in_steps(hands: Hands, exercise: Exercise, speed: float) -> Iterator[No
         yield from wait(0.5)
 
 
+def drag(
+    hands: Hands, far: float, speed: float, opening: Callable[[float], float]
+) -> Iterator[None]:
+    """Drag the jaws along by so many mm, open by a function of the distance gone."""
+    start = hands.duct.hands[1].target.copy()
+    for distance in steps(far, speed):
+        hands.move_hand(1, start + np.array([distance, 0.0, 0.0]))
+        hands.open_jaws(1, opening(distance))
+        yield
+
+
 def open_and_drag(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Open the jaws slowly while they are dragged along faster."""
     yield from behind(hands, middle(exercise) - 10.0)
-    start = hands.duct.hands[1].target.copy()
-    for distance in steps(24.0, speed):
-        hands.move_hand(1, start + np.array([distance, 0.0, 0.0]))
-        hands.open_jaws(1, 0.2 * distance)
-        yield
+    yield from drag(hands, 24.0, speed, lambda distance: 0.2 * distance)
 
 
 def stab(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
