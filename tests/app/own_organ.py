@@ -1,26 +1,17 @@
 """Organs of one's own for tests: round bars and tubes, drawn as images and built by the command."""
 
-import contextlib
-import io
 import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from program import printed
 
-from app.command_line.program import program
 from assets import BILE_DUCT_PHANTOM
 
 IMAGES, DISTANCE = 30, 2.0
 """Sections, and mm between them."""
-
-
-def printed(*arguments: object) -> str:
-    """What a command prints, run in this process."""
-    with contextlib.redirect_stdout(io.StringIO()) as out:
-        program([*map(str, arguments)], standalone_mode=False)
-    return out.getvalue()
 
 
 def drawn_bar(folder: Path, diameter: float, bore: float = 0.0) -> Path:

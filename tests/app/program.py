@@ -10,8 +10,10 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import urllib.request
 from collections.abc import Iterator, Sequence
+from typing import TextIO
 from unittest.mock import patch
 
 import pytest
@@ -29,10 +31,23 @@ def command(*arguments: object, entry: str = ENTRY) -> list[str]:
     return [sys.executable, "-c", entry, *map(str, arguments)]
 
 
+class _OfThisThread(io.StringIO):
+    """What one thread writes; others (a test's trainer) write to the screen."""
+
+    def __init__(self, screen: TextIO) -> None:
+        super().__init__()
+        self._screen = screen
+        self._thread = threading.get_ident()
+
+    def write(self, text: str, /) -> int:
+        mine = threading.get_ident() == self._thread
+        return super().write(text) if mine else self._screen.write(text)
+
+
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run the program to its end in this process, from `main` to the status it exits with."""
     line = ["bluntdissect", *map(str, arguments)]
-    out, err = io.StringIO(), io.StringIO()
+    out, err = _OfThisThread(sys.stdout), _OfThisThread(sys.stderr)
     with (
         patch.object(sys, "argv", line),
         # It would have this process, and all tests after this one, go before other processes.
@@ -45,6 +60,13 @@ def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     status = ended.value.code
     assert isinstance(status, int)
     return subprocess.CompletedProcess(line, status, out.getvalue(), err.getvalue())
+
+
+def printed(*arguments: object) -> str:
+    """What the program prints on the screen, run in this process without an error."""
+    done = run(*arguments)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def run_process(*arguments: object, seconds: float = 600.0) -> subprocess.CompletedProcess[str]:

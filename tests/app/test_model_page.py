@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import PATIENCE, TrainerPage, newest, trainer_page
-from own_organ import printed
 from playwright.sync_api import Browser, expect
+from program import printed
 from simulated import phantom
 
 from app.simulation import OrganBeam, Spread, read_preset

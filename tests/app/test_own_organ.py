@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from own_organ import DISTANCE, IMAGES, built_bar, printed
-from program import refused, run
+from own_organ import DISTANCE, IMAGES, built_bar
+from program import printed, refused, run
 from simulated import phantom, pull_session
 
 from app.simulation import presets

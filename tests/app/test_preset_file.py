@@ -8,8 +8,7 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from own_organ import printed
-from program import refused
+from program import printed, refused
 from simulated import phantom, pull, pull_session, replayed, tear
 
 from app.simulation import (
