@@ -317,7 +317,7 @@ def shapes(rest: Rest, rods: int = 0, relaxation: Relaxing = AT_ONCE) -> Shapes:
         "react": three, "damage_correction": six, "rods_damage_correction": at_rods, "moved": six,
         "g_before": six, "load_before": three, "pull_before": at_rods, "g_middle": six,
         "pull_middle": at_rods, "damage_before": (count,), "side_before": touched,
-        "damage_ahead": (count,), "branch": (2, branches, 4),
+        "damage_ahead": (count,), "branch": (2, branches, 5),
         "memory": (kernels.SPRING + branches, strands * count),
         "wall_memory": (kernels.OVER + branches, walls * 6 * elements), "sums": (kernels.SUM_ROWS,),
     }  # fmt: skip
@@ -405,6 +405,7 @@ def state_of(
     s.side[:] = kernels.NO_CONTACT
     s.sums[kernels.RETRACED] = retrace
     s.branch[:, :, kernels.TIME] = np.inf
+    s.branch[:, :, kernels.STEP] = np.nan  # none yet
     for rows, each in zip(s.branch, relaxation, strict=True):
         if each is not None:
             rows[: len(each.times), kernels.FRACTION] = each.fractions

@@ -54,7 +54,7 @@ class _Forces(NamedTuple):
     def of(cls, s: kernels.State) -> "_Forces":
         """Return those of the present state, with damage fixed."""
         kernels.assemble(s, kernels.FROZEN, 0.0)
-        kernels.recall(s)
+        kernels.remember(s)
         stored = s.sums[kernels.BEAM] + s.sums[kernels.STRANDS] + s.sums[kernels.CONTACT]
         bits = (s.held[:, None] >> np.arange(3)) & 1
         holds = np.where(bits, s.g[:, :3], s.spring * (s.goal - s.x))

@@ -307,7 +307,7 @@ def test_a_torn_element_forgets() -> None:
 def test_factors_are_those_of_the_exponential(ratio: float) -> None:
     """Made of + - * / alone, to 1e-14: E = exp(-t/tau) and b = (1 - E) tau/t."""
     kernels.begin(FACTORS.state, ratio * ONE.times[0])
-    _, _, kept, rate = FACTORS.state.branch[0, 0]
+    _, _, kept, rate, _ = FACTORS.state.branch[0, 0]
     ratio = ratio * ONE.times[0] / ONE.times[0]
     assert kept == pytest.approx(math.exp(-ratio), abs=1e-14)
     assert rate == pytest.approx(-math.expm1(-ratio) / ratio if ratio else 1.0, abs=1e-14)

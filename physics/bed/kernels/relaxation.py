@@ -41,15 +41,15 @@ from physics.bed.kernels.state import (
 )
 from physics.bed.kernels.vectors import Floats, inner
 
-# Columns of `branch`: fraction, time, s; E and b of the time that goes by.
-FRACTION, TIME, KEPT, RATE = range(4)
+# Columns of `branch`: fraction, time, s; E and b of the time that goes by, and that time, s.
+FRACTION, TIME, KEPT, RATE, STEP = range(5)
 # Rows of `memory`: c of this step, eps = K u - c; u at the last assembly, and when the step began;
 # room for two energies; the springs of the branches.
 LESS, NOW, BEFORE, UNIT, GONE, SPRING = range(6)
 # Rows of `wall_memory`, six strains of an element after those of the one before: what is taken off
 # the resultants in this step; strains and F_e at the last assembly, and when the step began; the
-# energy of F_e for each mm, an element each; the branches' h.
-WALL_LESS, STRAIN, FORCE, STRAIN_BEFORE, FORCE_BEFORE, ENERGY, OVER = range(7)
+# energy of F_e for each mm, an element each; room for two energies; the branches' h.
+WALL_LESS, STRAIN, FORCE, STRAIN_BEFORE, FORCE_BEFORE, ENERGY, WALL_UNIT, WALL_GONE, OVER = range(9)
 
 
 @inner
@@ -81,58 +81,84 @@ def unrelaxed(branch: Floats) -> float:
 
 
 @inner
+def total(values: Floats) -> float:
+    """Return the sum, by four sums at once: each addition waits for the one before."""
+    a = b = c = d = 0.0
+    fours = values.size - values.size % 4
+    for i in range(0, fours, 4):
+        a, b, c, d = a + values[i], b + values[i + 1], c + values[i + 2], d + values[i + 3]
+    for i in range(fours, values.size):
+        a += values[i]
+    return (a + b) + (c + d)
+
+
+@inner
+def remember_strands(
+    memory: Floats, branch: Floats, damage: Floats, stiff: Floats
+) -> tuple[float, float]:
+    """Return what strands store, and what viscosity has dissipated of them in the step."""
+    # Loops without conditions, which the compiler takes several at once; then the sums.
+    now, before, unit, gone = memory[NOW], memory[BEFORE], memory[UNIT], memory[GONE]
+    rest = unrelaxed(branch)
+    for i in range(now.size):
+        unit[i], gone[i] = rest * now[i] * now[i], 0.0
+    for m in range(branch.shape[0]):
+        spring, fraction = memory[SPRING + m], branch[m, FRACTION]
+        kept, rate = branch[m, KEPT], branch[m, RATE]
+        for i in range(now.size):
+            far, old = now[i] - before[i], spring[i]
+            new = kept * old + rate * far
+            unit[i] += fraction * new * new
+            gone[i] += fraction * (old + new) * (far - new + old)
+    for i in range(now.size):
+        k = 0.5 * (1.0 - damage[i]) * stiff[i]
+        unit[i] *= k
+        gone[i] *= k
+    return total(unit), total(gone)
+
+
+@inner
+def remember_walls(wall: Floats, branch: Floats, h: Floats, stiff: Floats) -> tuple[float, float]:
+    """Return what walls store, and what viscosity has dissipated of them in the step."""
+    unit, gone = wall[WALL_UNIT], wall[WALL_GONE]
+    force, force_before = wall[FORCE], wall[FORCE_BEFORE]
+    strain, strain_before = wall[STRAIN], wall[STRAIN_BEFORE]
+    stiffness = stiff.reshape(-1)
+    for i in range(unit.size):
+        unit[i] = gone[i] = 0.0
+    for m in range(branch.shape[0]):
+        over, half = wall[OVER + m], 0.5 * branch[m, FRACTION]
+        kept, rate = branch[m, KEPT], branch[m, RATE]
+        for i in range(unit.size):
+            old, soft = over[i], 1.0 / stiffness[i]
+            new = kept * old + rate * (force[i] - force_before[i])
+            unit[i] += half * new * new * soft
+            gone[i] += half * (old + new) * (strain[i] - strain_before[i] - (new - old) * soft)
+    rest, stored, dissipated = unrelaxed(branch), 0.0, 0.0
+    for e in range(h.size):
+        if stiff[e, 0] != 0.0:  # a torn element has neither
+            kept, lost = rest * wall[ENERGY, e], 0.0
+            for i in range(6 * e, 6 * e + 6):
+                kept += unit[i]
+                lost += gone[i]
+            stored += h[e] * kept
+            dissipated += h[e] * lost
+    return stored, dissipated
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def remember(s: State) -> None:
     """Write what relaxing strands and walls store, and what viscosity has dissipated in the step.
 
     They take the place of the energies that the last assembly has written.
     """
-    pending = s.sums[PENDING]  # of strands that have yielded now
     if s.memory.shape[1]:
-        # Loops without branches, which the compiler takes several at once; then the sums.
-        branch, now, before = s.branch[0], s.memory[NOW], s.memory[BEFORE]
-        unit, gone, rest = s.memory[UNIT], s.memory[GONE], unrelaxed(branch)
-        for i in range(now.size):
-            unit[i], gone[i] = rest * now[i] * now[i], 0.0
-        for m in range(branch.shape[0]):
-            spring, fraction = s.memory[SPRING + m], branch[m, FRACTION]
-            kept, rate = branch[m, KEPT], branch[m, RATE]
-            for i in range(now.size):
-                far, old = now[i] - before[i], spring[i]
-                new = kept * old + rate * far
-                unit[i] += fraction * new * new
-                gone[i] += fraction * (old + new) * (far - new + old)
-        stored = 0.0
-        for i in range(now.size):
-            k = 0.5 * (1.0 - s.damage[i]) * s.strand[STIFF, i]
-            stored += k * unit[i]
-            pending += k * gone[i]
+        stored, gone = remember_strands(s.memory, s.branch[0], s.damage, s.strand[STIFF])
         s.sums[STRANDS] = stored + s.sums[PUSHED]
+        s.sums[PENDING] += gone  # beside that of strands that have yielded now
     if s.wall_memory.shape[1]:
-        branch, wall = s.branch[1], s.wall_memory
-        rest, stored = unrelaxed(branch), 0.0
-        for e in range(s.h.size):
-            if s.stiff[e, 0] == 0.0:
-                continue
-            unit, gone = rest * wall[ENERGY, e], 0.0
-            for r in range(6):
-                i, soft = 6 * e + r, 1.0 / s.stiff[e, r]
-                force, far = wall[FORCE, i] - wall[FORCE_BEFORE, i], wall[STRAIN, i]
-                far -= wall[STRAIN_BEFORE, i]
-                for m in range(branch.shape[0]):
-                    old = wall[OVER + m, i]
-                    new = branch[m, KEPT] * old + branch[m, RATE] * force
-                    unit += 0.5 * branch[m, FRACTION] * new * new * soft
-                    gone += 0.5 * branch[m, FRACTION] * (old + new) * (far - (new - old) * soft)
-            stored += s.h[e] * unit
-            pending += s.h[e] * gone
-        s.sums[BEAM] = stored
-    s.sums[PENDING] = pending
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def recall(s: State) -> None:
-    """Do what `remember` does, for callers that are not compiled."""
-    remember(s)
+        s.sums[BEAM], gone = remember_walls(s.wall_memory, s.branch[1], s.h, s.stiff)
+        s.sums[PENDING] += gone
 
 
 @inner
@@ -149,48 +175,60 @@ def strand_branches(s: State, i: int, now: float) -> tuple[float, float]:
 
 
 @inner
-def follow(memory: Floats, branch: Floats, now: int, before: int, spring: int) -> None:
-    """End a step of time in the rows of a memory."""
-    for m in range(branch.shape[0]):
-        kept, rate = branch[m, KEPT], branch[m, RATE]
-        for i in range(memory.shape[1]):
-            new = kept * memory[spring + m, i] + rate * (memory[now, i] - memory[before, i])
-            memory[spring + m, i] = new
-    for i in range(memory.shape[1]):
-        memory[before, i] = memory[now, i]
-
-
-@inner
-def prepare(memory: Floats, branch: Floats, seconds: float, before: int, spring: int) -> float:
-    """Begin a step in the rows of a memory, where the first is what is taken off; return K."""
+def next_step(
+    memory: Floats, branch: Floats, seconds: float, rows: tuple[int, int, int], ends: bool
+) -> float:
+    """End a step in the rows of a memory, if one `ends`, and begin one of `seconds`; return K."""
+    # `rows`: now, the step's beginning, the first branch.
     pace, first = 1.0, 0.0
+    less, at, before = memory[0], memory[rows[0]], memory[rows[1]]
+    for i in range(less.size):
+        less[i] = 0.0
     for m in range(branch.shape[0]):
-        branch[m, KEPT], branch[m, RATE] = decay(seconds / branch[m, TIME])
+        row = memory[rows[2] + m]
+        kept, rate = branch[m, KEPT], branch[m, RATE]
+        if not ends:
+            kept, rate = 1.0, 0.0
+        if branch[m, STEP] != seconds:
+            branch[m, KEPT], branch[m, RATE] = decay(seconds / branch[m, TIME])
+            branch[m, STEP] = seconds
         pace += branch[m, FRACTION] * (branch[m, RATE] - 1.0)
         first += branch[m, FRACTION] * branch[m, RATE]
-    for i in range(memory.shape[1]):
-        memory[0, i] = first * memory[before, i]
-    for m in range(branch.shape[0]):
         fading = branch[m, FRACTION] * branch[m, KEPT]
-        for i in range(memory.shape[1]):
-            memory[0, i] -= fading * memory[spring + m, i]
+        for i in range(less.size):
+            row[i] = kept * row[i] + rate * (at[i] - before[i])
+            less[i] -= fading * row[i]
+    if ends:
+        for i in range(less.size):
+            before[i] = at[i]
+    for i in range(less.size):
+        less[i] += first * before[i]
     return pace
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@inner
+def begin_step(
+    memory: Floats, wall: Floats, branch: Floats, sums: Floats, seconds: float, ends: bool
+) -> None:
+    """Begin a step of so many seconds, after ending the one before if it `ends`."""
+    rows = (int(NOW), int(BEFORE), int(SPRING))
+    sums[PACE] = next_step(memory, branch[0], seconds, rows, ends)
+    rows = (int(FORCE), int(FORCE_BEFORE), int(OVER))
+    sums[WALL_PACE] = next_step(wall, branch[1], seconds, rows, ends)
+    if ends:
+        for i in range(wall.shape[1]):
+            wall[STRAIN_BEFORE, i] = wall[STRAIN, i]
+        sums[SETTLED], sums[PENDING] = sums[VISCOUS], 0.0
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
 def settle(s: State, seconds: float) -> None:
     """End a step of time where all is, after its assembly, and begin one of so many seconds."""
     # Of 0 s: the strands and walls that there are at once.
-    follow(s.memory, s.branch[0], int(NOW), int(BEFORE), int(SPRING))
-    follow(s.wall_memory, s.branch[1], int(FORCE), int(FORCE_BEFORE), int(OVER))
-    for i in range(s.wall_memory.shape[1]):
-        s.wall_memory[STRAIN_BEFORE, i] = s.wall_memory[STRAIN, i]
-    s.sums[SETTLED], s.sums[PENDING] = s.sums[VISCOUS], 0.0
-    begin(s, seconds)
+    begin_step(s.memory, s.wall_memory, s.branch, s.sums, seconds, True)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def begin(s: State, seconds: float) -> None:
     """Begin a step of so many seconds where the last one ended; or begin it anew."""
-    s.sums[PACE] = prepare(s.memory, s.branch[0], seconds, int(BEFORE), int(SPRING))
-    s.sums[WALL_PACE] = prepare(s.wall_memory, s.branch[1], seconds, int(FORCE_BEFORE), int(OVER))
+    begin_step(s.memory, s.wall_memory, s.branch, s.sums, seconds, False)

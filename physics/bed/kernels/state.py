@@ -137,7 +137,7 @@ class State(NamedTuple):
     damage_before: Floats  # (S,)
     side_before: Bytes  # (M, S)
     damage_ahead: Floats  # (S,) of the tick that is assembled ahead
-    branch: Floats  # (2, R, 4) of strands and walls the branches by which they relax
+    branch: Floats  # (2, R, 5) of strands and walls the branches by which they relax
     # What these remember, see `relaxation`; no columns and no elements where nothing relaxes.
     memory: Floats  # (SPRING + R, S)
     wall_memory: Floats  # (OVER + R, 6 E)
