@@ -13,7 +13,7 @@ from app.trainer.panel.build_tab import BuildTab
 from app.trainer.panel.compare_tab import CompareTab
 from app.trainer.panel.controls import on_click, set_if_changed
 from app.trainer.panel.exercise_tab import ExerciseTab
-from app.trainer.panel.frame import BUILD, LEARN, REPLAY, add_disclaimer, style_panel
+from app.trainer.panel.frame import BUILD, LEARN, REPLAY, add_disclaimer
 from app.trainer.panel.help import keys_of, show_help
 from app.trainer.panel.keys import add_keys
 from app.trainer.panel.legend import Legend
@@ -55,7 +55,6 @@ class PagePanel:
         self._state = state
         self._announced = ""
         gui = self._gui = state.client.gui
-        style_panel(gui)
         add_scenes(gui, scene, choose_scene)
         take_arrows(state.client, not state.in_plane)
         self._readout, self._duct = gui.add_html(""), gui.add_html("")

@@ -31,7 +31,7 @@ from app.trainer.panel.controls import (
 )
 from app.trainer.panel.dialog import dialog
 from app.trainer.panel.exercise_tab import ExerciseTab
-from app.trainer.panel.frame import BUILD, LEARN, REPLAY, add_disclaimer, style_panel
+from app.trainer.panel.frame import BUILD, LEARN, REPLAY, add_disclaimer
 from app.trainer.panel.help import Key, first_minute
 from app.trainer.panel.keys import add_keys
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
@@ -157,7 +157,6 @@ class ScopePanel:
         self._announced = ""
         self._photographed: object = None  # the run whose view was photographed by itself
         gui = self._gui = state.client.gui
-        style_panel(gui)
         add_scenes(gui, scene, choose_scene)
         take_arrows(state.client, True)
         gui.add_html(note(GOAL, "goal"))

@@ -116,7 +116,6 @@ class ScopeScene:
         self._client, self._session, self._look = client, session, look
         self._held, self._led = scope, led
         client.scene.set_up_direction("+z")
-        client.scene.configure_default_lights(False)
         self._picture: ScopePicture | None = None
         self._drawn_with = -1.0  # the angle of the scope that the page has
         # as the page has it: a hand or what else is led, by which end, where the cross is

@@ -31,7 +31,6 @@ def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
     # `refined_surface.light_surfaces` adds the shadows of the full look.
     full = look == "full"
     scene.set_up_direction("+z")
-    scene.configure_default_lights(False)
     scene.configure_environment_map("studio" if full else None, environment_intensity=0.29)
     scene.set_background_image(np.full((8, 8, 3), _BACKGROUND, np.uint8), format="png")
 
@@ -67,11 +66,10 @@ def fill_air(scene: viser.SceneApi, *, distance: float) -> None:
 
 
 def clear_light(scene: viser.SceneApi) -> None:
-    """Restore the scene's own light, fog and background."""
+    """Take fog, background and environment map away."""
     scene.configure_fog(1.0, 2.0, enabled=False)
     scene.set_background_image(None)
     scene.configure_environment_map(None)
-    scene.configure_default_lights(True)
 
 
 def _triple(vector: np.ndarray) -> tuple[float, float, float]:

@@ -25,7 +25,7 @@ from app.trainer.client.picture_series import PictureSeries
 from app.trainer.client.practice import Practice, SceneName
 from app.trainer.client.scope_lead import ScopeLead
 from app.trainer.client.workers import Workers, explained
-from app.trainer.panel.frame import LEARN
+from app.trainer.panel.frame import LEARN, style_panel
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.page_panel import PagePanel, offers
 from app.trainer.panel.scope_panel import ScopePanel
@@ -256,6 +256,8 @@ class PageView:
         state.plain = plain
         state.series, state.next_picture = self._series, self.show_picture
         look: Look = "plain" if plain else "full"
+        # Before the scene, which else would be drawn once for the whole window.
+        style_panel(self.client.gui)
         anatomy = session.specimen.anatomy
         if anatomy is None:
             self._lead = None

@@ -96,6 +96,9 @@ def start_server(
             f"viser {viser.__version__} opens its socket where no guard can stand; "
             "install the viser that this trainer names"
         )
+    # Else each page unpacks viser's own environment map: seconds of drawing in software.
+    server.scene.configure_environment_map(None)
+    server.scene.configure_default_lights(False)
     loop = server.get_event_loop()
     loop.call_soon_threadsafe(loop.set_exception_handler, _handle_fault)
     for message in (
