@@ -210,6 +210,11 @@ class SpatialTissue:
         self.prepare(None)
 
     @property
+    def most_stressed(self) -> str:
+        """Name of the tube whose wall is nearest its break."""
+        return self.tubes.names[self.worst_tube]
+
+    @property
     def dissection(self) -> Dissection:
         """The organ between its clamps."""
         return self.specimen.dissection

@@ -1,6 +1,7 @@
 """The picture through the scope in a real browser: its pose, and what its pixels show."""
 
 import io
+import re
 from collections.abc import Iterator
 from typing import cast
 
@@ -12,7 +13,8 @@ from PIL import Image
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
-from app.simulation import Feedback, exercise_at
+from app.simulation import Feedback, exercise_at, performed
+from app.simulation.performance import Script, Step
 from app.trainer.scope.pose import Camera
 from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.server.trainer import Trainer
@@ -27,6 +29,10 @@ GAMEPAD = """([right, down]) => { navigator.getGamepads = () => [{ connected: tr
     buttons: Array.from({ length: 17 }, (_, i) => ({ pressed: down.includes(i) })) }]; }"""
 POOLS = """() => { const sheet = bluntdissectScope.picture.sheet;
     return [sheet.blood.reduce((sum, w) => sum + w, 0) * sheet.cell ** 2, sheet.volumes.blood]; }"""
+
+NOTCHES = """count => { const canvas = document.elementFromPoint(300, 280);
+    for (let k = 0; k < count; k++) canvas.dispatchEvent(
+        new WheelEvent("wheel", { deltaY: -100, bubbles: true, cancelable: true })); }"""
 
 
 @pytest.fixture(scope="module")
@@ -138,6 +144,33 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         view.state.reset()
         tab.wait_until(lambda: tab.page.evaluate(POOLS) == [0, 0], 60.0)
         expect(lens).to_be_hidden()
+        # A wall near its break is named in the picture and in the panel, until it is let go.
+        warning = tab.page.locator(".bd-scope-warning")
+        expect(warning).to_be_hidden()
+        lift = Step(do="lead", by_mm=(0.0, 0.0, 12.0), speed_mm_s=8.0, stop_at=0.92)
+        with view.session.lock:
+            performed(Script(step=[Step(do="grab", tube="artery", at_mm=12.0), lift]), view.session)
+        expect(warning).to_have_text(re.compile("^cystic artery: over [89][05] % of its break$"))
+        expect(tab.readout).to_contain_text("cystic artery: ")
+        view.state.reset()
+        expect(warning).to_be_hidden()
+        # Arrows go on to lead the tip after a tab was clicked; a tab that keys come to takes them.
+        learn = tab.page.get_by_role("tab", name="Learn")
+        for come, chosen in ((learn.click, "Learn"), (learn.focus, "Replay")):
+            come()
+            tab.page.keyboard.press("ArrowRight")
+            expect(tab.page.get_by_role("tab", name=chosen)).to_have_attribute(
+                "aria-selected", "true"
+            )
+        tab.page.get_by_role("tab", name="Train").click()
+        # A notch of the wheel is a small step, one that follows quickly a large one.
+        start = float(view.session.spatial.hands[0].place @ page.camera.axes[:, 2])
+        tab.page.evaluate(NOTCHES, 3)
+
+        def gone() -> float:
+            return start - float(view.session.spatial.hands[0].place @ page.camera.axes[:, 2])
+
+        tab.wait_until(lambda: abs(gone() - 10.5) < 0.5, 30.0)
         # The oblique scope looks from where its algebra says.
         tab.page.keyboard.press("z")
         tab.wait_until(lambda: page.camera.shaft @ page.camera.axes[:, 2] > -0.9)

@@ -137,6 +137,10 @@ strands under it part. The duodenum and the liver are drawn, and nothing meets t
 """
 
 
+NAMED_FROM = 0.01
+"""Of its break, a stress whose tube is named."""
+
+
 class ScopePanel:
     """One client's panel: it passes inputs to the session and shows its readings."""
 
@@ -256,9 +260,12 @@ class ScopePanel:
     def _figures(self, reading: Reading) -> str:
         torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
         hidden = not self._state.figures_visible
+        stress = f"{100.0 * reading.stress_ratio:.0f}"
+        if reading.stress_ratio >= NAMED_FROM:
+            stress = f"{tube_title(self._state.shown.spatial.most_stressed)}: {stress}"
         rows = [] if hidden else [
             ("Strands broken", f"{reading.broken}"),
-            ("Highest stress now, % of break", f"{100.0 * reading.stress_ratio:.0f}"),
+            ("Highest stress now, % of break", stress),
             *((f"{each.name.capitalize()} lost", f"{figure(each.lost_ml)} ml")
               for each in reading.fluids),
         ]  # fmt: skip

@@ -8,6 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.anatomy import tube_title
 from app.simulation import Reading, Session
 from app.trainer.scope.drawn_tissue import draw_tissue, picture_of
 from app.trainer.scope.held_scope import HeldScope
@@ -20,6 +21,8 @@ __all__ = ["ScopeScene"]
 
 Floats = NDArray[np.float64]
 
+WARNED_FROM, WARNED_EACH = 0.8, 0.05
+"""Of its break, from where on a wall is warned of, and in what steps."""
 SCOPE, POINTS = -1, -2
 """In the place of a hand: the pointer leads the scope, or marks what it points at."""
 
@@ -120,6 +123,7 @@ class ScopeScene:
         self._drawn_with = -1.0  # the angle of the scope that the page has
         # as the page has it: a hand or what else is led, by which end, where the cross is
         self._leads: tuple[int, bool, tuple[float, float] | None] | None = None
+        self._warning = ""
         self._frame = client.scene.add_frame("/scope", show_axes=False)
         self._pointer: viser.GuiTextHandle | None = None
         self._photograph: viser.GuiTextHandle | None = None
@@ -156,8 +160,12 @@ class ScopeScene:
         figures: bool = True,
         overlay: bool = False,
     ) -> None:
-        """Draw the session as it is now: as the camera sees it, without colours or figures."""
+        """Draw the session as it is now, as the camera sees it; `figures` warn of a break."""
         draw_tissue(self._set_picture(), self._session.spatial, self._held.pose)
+        warning = self._near_break(reading) if figures else ""
+        if warning != self._warning:
+            self._warning = warning
+            run_function(self._client.scene, "bluntdissectScope.warn", warning)
         led = self._led
         hand = POINTS if led.cross is not None else SCOPE if led.leads_scope else led.hand
         leads = hand, led.by_handle, led.cross
@@ -168,6 +176,14 @@ class ScopeScene:
             self._leads = leads
             number = page_number(self._pointer)
             run_function(self._client.scene, "bluntdissectScope.lead", number, *leads)
+
+    def _near_break(self, reading: Reading) -> str:
+        """Return which wall is near its break and how near; nothing of torn ones."""
+        steps = int(reading.stress_ratio / WARNED_EACH)
+        if not WARNED_FROM <= steps * WARNED_EACH <= 1.0:
+            return ""
+        wall = tube_title(self._session.spatial.most_stressed)
+        return f"{wall}: over {100.0 * steps * WARNED_EACH:.0f} % of its break"
 
     @property
     def view(self) -> Sequence[float]:
@@ -233,7 +249,7 @@ class ScopeScene:
                 scope,
                 plain=self._look == "plain",
             )
-            self._leads = None
+            self._leads, self._warning = None, ""
         return self._picture
 
     def _clear(self) -> None:

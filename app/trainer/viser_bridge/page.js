@@ -63,6 +63,11 @@ document.documentElement.addEventListener("keydown", event => {
   if (arrowsTaken && event.key.startsWith("Arrow") && !event.ctrlKey) event.stopPropagation();
 });
 
+// A tab that was clicked keeps no arrows: they lead on. One that keys have come to keeps them.
+document.addEventListener("click", event => {
+  if (arrowsTaken && event.detail > 0) event.target.closest?.("[role=tab]")?.blur();
+});
+
 // A tab is opened: of the panel at the side by a key, of a phone's by a click; once it is there.
 page.openTab = (label, until = performance.now() + 30000) => {
   const tab = [...document.querySelectorAll("[role=tab]")]

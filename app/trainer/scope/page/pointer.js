@@ -7,10 +7,12 @@
   const { add, sub, dot } = scope.algebra;
   const LEAST_MS = 33;       // between two messages of one movement
   const WHEEL_MM = 1.5, PINCH = 0.25;  // mm of depth: a notch of the wheel, and a dot of a pinch
+  const QUICK_MS = 120, QUICK = 3;     // notches that follow in less time go so many times as far
   const POINTS = -2;         // in the place of a hand: the pointer marks what it points at
   const LOOK = 0.0022;       // rad of pan and tilt, a dot
   let lead = null;           // the widget's number, and what the pointer leads: a hand, or the scope
   let number = 0, waiting = null, sentAt = 0;
+  let notchAt = -Infinity;   // ms, of the last notch
   let pushed = [0, 0, 0];    // of the handle, mm at the tip: right, up and in, not yet sent
   const say = scope.say = words => { if (lead && scope.picture?.pose) viewer.send(lead.uuid, `${++number} ${words}`); };
   const saySoon = words => {
@@ -93,7 +95,8 @@
     event.preventDefault();
     event.stopPropagation();
     if (event.ctrlKey || event.shiftKey) say(`scope ${fixed([0, 0, 0, Math.sign(event.deltaY) * 0.12])}`);
-    else deeper(-Math.sign(event.deltaY) * WHEEL_MM);
+    else deeper(-Math.sign(event.deltaY) * WHEEL_MM * (event.timeStamp - notchAt < QUICK_MS ? QUICK : 1));
+    notchAt = event.timeStamp;
   };
   const nothing = event => { if (event.target === viewer.canvas()) event.preventDefault(); };
   const LISTENED = [["pointerdown", press], ["pointermove", move], ["pointerup", lift], ["pointercancel", lift], ["wheel", turn], ["contextmenu", nothing]];
@@ -105,6 +108,14 @@
     const cross = old ?? frame.appendChild(Object.assign(document.createElement("div"), { className: "bd-scope-cross" }));
     cross.style.left = `calc(50% + ${55 * at[0]}cqmin)`;
     cross.style.top = `calc(50% - ${55 * at[1]}cqmin)`;
+  };
+
+  // Write at the foot of the picture which wall is near its break, or nothing.
+  scope.warn = words => {
+    const frame = scope.picture?.frame, old = frame?.querySelector(".bd-scope-warning");
+    if (!frame || !words) { old?.remove(); return; }
+    const line = old ?? frame.appendChild(Object.assign(document.createElement("div"), { className: "bd-scope-warning" }));
+    line.textContent = words;
   };
 
   // Lead a hand by its tip or its handle, or below zero the scope, by the pointer from now on,
