@@ -153,6 +153,8 @@ def performed(script: Script, session: Session) -> Performance:
     for name, step in steps:
         hands.check(name, step)
     for name, step in steps:
+        if session.run.over:  # nothing is left to act on, and nothing is logged
+            break
         hands.do(name, step)
     out = hands.out
     out.seconds = session.run.seconds
@@ -283,7 +285,7 @@ class _Hands:
             self._lead(step, hand)
         if not done:
             self.out.refused.append(f"{name}: hand {step.hand} could not {step.do}")
-        if session.run.started:
+        if session.run.going:
             self._tick(step)
 
     def _lead(self, step: Step, hand: int) -> None:
@@ -332,7 +334,8 @@ class _Hands:
             self.out.trap |= tenting.trap
             if self.out.tenting is None or tenting.diameters > self.out.tenting.diameters:
                 self.out.tenting = tenting
-        return step.stop_at is not None and self.tissue.stress_ratio > step.stop_at
+        tense = step.stop_at is not None and self.tissue.stress_ratio > step.stop_at
+        return tense or self.session.run.over
 
     def _place(self, step: Step) -> Floats:
         """Return where a step's station of a tube is now, (3,) mm."""
