@@ -3,10 +3,14 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-__all__ = ["MOST_POINTS", "Closing", "CriticalView", "Tenting"]
+from app.anatomy import tube_title
+
+__all__ = ["ENOUGH", "MOST_POINTS", "SOME", "Closing", "CriticalView", "Tenting"]
 
 MOST_POINTS = 6
 """Of the critical view: two for each of its parts."""
+ENOUGH, SOME = 0.9, 0.6
+"""Fractions of a region's strands that have parted, for two points and for one."""
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 
 
@@ -28,6 +32,19 @@ class CriticalView:
         """Points, 0 to 6."""
         return self.two_structures + self.triangle_cleared + self.plate_freed
 
+    def checklist(self) -> list[str]:
+        """Return for each of its parts how many points it has, how free it is and must be."""
+        # One point asks for one structure and SOME of the neck, two for both and ENOUGH of it.
+        around = [
+            f"{tube_title(name)} {_percent(is_free)}" for name, is_free in self.structures.items()
+        ]
+        neck = f"neck {_percent(self.neck)}, {_percent(ENOUGH)} asked of each"
+        return [
+            _line("two tubes alone", self.two_structures, ", ".join([*around, neck])),
+            _line("triangle", self.triangle_cleared, _free(self.triangle)),
+            _line("cystic plate", self.plate_freed, _free(self.plate)),
+        ]
+
 
 @dataclass(frozen=True, slots=True)
 class Tenting:
@@ -41,6 +58,20 @@ class Tenting:
     def trap(self) -> bool:
         """Whether the cystic duct goes on in the line of the common duct's lower part."""
         return self.diameters > TENTED_DIAMETERS and self.cystic_deg < self.upper_deg + TENTED_DEG
+
+
+def _line(what: str, points: int, is_free: str) -> str:
+    done = "\N{CHECK MARK} " if points == MOST_POINTS // 3 else ""
+    return f"{done}{what}, {points} of {MOST_POINTS // 3}: {is_free}"
+
+
+def _free(fraction: float) -> str:
+    asked = SOME if fraction < SOME else ENOUGH
+    return f"{_percent(fraction)} free, {_percent(asked)} asked"
+
+
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.0f} %"
 
 
 class Closing(NamedTuple):

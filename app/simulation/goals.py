@@ -374,7 +374,7 @@ class _Viewing:
 
     def __init__(self, goal: CriticalView) -> None:
         self._goal, self._ticks, self._points = goal, 0, 0
-        self._show("")
+        self._show([])
 
     def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""
@@ -383,11 +383,7 @@ class _Viewing:
         if self._ticks % VIEW_TICKS == 0:
             view = recorder.critical_view()
             self._points = view.total
-            least = min(view.structures.values(), default=1.0)
-            self._show(
-                f"; parted about the structures {100.0 * least:.0f} %, in the triangle "
-                f"{100.0 * view.triangle:.0f} %, at the cystic plate {100.0 * view.plate:.0f} %"
-            )
+            self._show(view.checklist())
         self._ticks += 1
         if self._points < self._goal.points:
             return False
@@ -417,11 +413,11 @@ class _Viewing:
         self.so_far = self.standing = f"the view reached; {'; '.join(words)}" if words else ""
         return not left
 
-    def _show(self, met: str) -> None:
+    def _show(self, checklist: Sequence[str]) -> None:
         reached = min(self._points / self._goal.points, 1.0)
         self.progress = 0.5 * reached if self._goal.closes else reached
         self.so_far = f"{self._points} of {self._goal.points} points"
-        self.standing = self.so_far + met
+        self.standing = "; ".join([self.so_far, *checklist])
 
 
 class StopBleeding(

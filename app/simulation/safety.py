@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import Anatomy
-from app.simulation.critical_view import Closing, CriticalView, Tenting
+from app.simulation.critical_view import ENOUGH, SOME, Closing, CriticalView, Tenting
 from app.simulation.inputs import Structure
 from app.simulation.spatial_tissue import SpatialTissue
 from app.simulation.structures import LOWER_FRACTION, entering_tubes, named_structures
@@ -23,7 +23,6 @@ __all__ = ["Safety"]
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-ENOUGH, SOME = 0.9, 0.6
 STRUCTURE_MM = 6.0
 """Length of each structure, next to the gallbladder, that must be free all round."""
 MARGIN_MM = 2.0

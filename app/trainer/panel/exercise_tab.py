@@ -153,11 +153,9 @@ class ExerciseTab:
                 if run.started
                 else "Ready. Time runs from your first touch."
             )
-            standing = run.standing if state.figures_visible else ""
-            content = note(
-                f"<b>{text}</b><br>{html.escape(standing[:1].upper() + standing[1:])}{its}",
-                "exercise-state",
-            )
+            standing = run.standing.split("; ") if state.figures_visible else []
+            lines = "".join(f"<br>{html.escape(each[:1].upper() + each[1:])}" for each in standing)
+            content = note(f"<b>{text}</b>{lines}{its}", "exercise-state")
             set_if_changed(self._status, content=content)
 
     @property
