@@ -17,6 +17,7 @@ from app.simulation import (
     SpatialTissue,
 )
 from physics import NoEquilibrium
+from physics.bed import BeamOnBed
 
 __all__ = ["Episode", "Observation"]
 
@@ -37,6 +38,7 @@ class Episode:
     def __init__(self, task: Task, session: Session | None = None) -> None:
         self.task = task
         self._view: Safety | None = None
+        self._broken: tuple[BeamOnBed, int] | None = None  # of which `_parted` is known
         if session is None:
             self.session = Session(task.duct, vertices=VERTICES, watched=False)
             self.reset(int(task.seeds[0]))
@@ -202,14 +204,17 @@ class Episode:
     def _fraction_parted(self) -> float:
         """Return the share of strands that the goal asks for that have parted, 0 to 1."""
         tissue, task, goal = self._tissue, self.task, self.task.goal
-        self._parted = np.concatenate(
-            [
-                surface.freed_at(tissue.beam.damage[mine], bins)
-                for surface, mine, bins in zip(
-                    tissue.tubes.surfaces, tissue.tubes.strands_of, task.bins, strict=True
-                )
-            ]
-        )
+        now = tissue.beam, tissue.beam.broken
+        if now != self._broken:  # none has parted since else
+            self._broken, damage = now, tissue.beam.damage
+            self._parted = np.concatenate(
+                [
+                    surface.freed_at(damage[mine], bins)
+                    for surface, mine, bins in zip(
+                        tissue.tubes.surfaces, tissue.tubes.strands_of, task.bins, strict=True
+                    )
+                ]
+            )
         if self._view is not None:
             self._seen = view = self._view.critical_view()
             return (view.neck + view.triangle + view.plate) / 3.0

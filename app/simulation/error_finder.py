@@ -199,7 +199,8 @@ class ErrorFinder:
         if self._safety is not None and incidents.tick % VIEW_TICKS == 0 and not self._divided:
             self._points = self._safety.critical_view().total
             self.most_points = max(self.most_points or 0, self._points)
-        incidents.end_tick(self._consequence(stress, out_of_sight))
+        if incidents.followed:
+            incidents.end_tick(self._consequence(stress, out_of_sight))
 
     def _judge_picture(self, i: int, hand: Hand, watch: _Watch, *, acts: bool) -> None:
         """Judge whether a hand that acts and moves is seen through the laparoscope."""

@@ -382,6 +382,19 @@ class SpatialTissue:
         """Apply an input; return it as it has acted, or None where it changes nothing."""
         if not 0 <= hand < HANDS or not all(map(math.isfinite, values)):
             return None
+        if kind == "move":
+            (x, y, z), (along, across, up) = values, self._reach
+            place = _within(x, along), _within(y, across), _within(z, up)
+            if place == tuple(self.hands[hand].target.tolist()):
+                return None
+            if self.rods_of(hand):  # it may part strands before a hand takes hold
+                begin()
+            self.move_hand(hand, place)
+            return "move", place
+        if kind == "open":
+            if self.hands[hand].instrument in JAWED:
+                begin()
+            return self._open(hand, float(values[0]))
         if kind == "instrument":
             instrument = ALL_INSTRUMENTS[int(values[0])]
             if instrument not in self.instruments:
@@ -412,22 +425,8 @@ class SpatialTissue:
             if place is not None and begin():
                 self.grab(hand, at, tube)
             return ("grab", (tube, at)) if held or place is not None else None
-        if kind == "move":
-            place = _vector(
-                [min(max(each, a), b) for each, (a, b) in zip(values, self._reach, strict=True)]
-            )
-            if place == tuple(self.hands[hand].target.tolist()):
-                return None
-            if self.rods_of(hand):  # it may part strands before a hand takes hold
-                begin()
-            self.move_hand(hand, place)
-            return "move", place
         if kind == "release":
             return ("release", ()) if self.release(hand) else None
-        if kind == "open":
-            if self.hands[hand].instrument in JAWED:
-                begin()
-            return self._open(hand, float(values[0]))
         if kind == "threshold" and self.tears[0] is None:
             low, high = self.threshold_range
             wanted = min(max(float(values[0]), low), high)
@@ -771,7 +770,8 @@ class SpatialTissue:
             if hand.node is None:
                 hand.pull = 0.0
                 continue
-            pull = math.sqrt(float((self.forces[number] ** 2).sum()))
+            x, y, z = self.forces[number].tolist()
+            pull = math.sqrt(x * x + y * y + z * z)
             hand.pull += MEAN_PULL * (pull - hand.pull)
             if self._grip is not None and hand.instrument == "grasper" and hand.pull > self._grip:
                 self.release(number)
@@ -1174,6 +1174,10 @@ def _moved(before: tuple[float, ...], now: tuple[float, ...]) -> bool:
     far = math.sqrt(sum((a - b) ** 2 for a, b in zip(before[3:6], now[3:6], strict=True)))
     turned = max((abs(a - b) for a, b in zip(before[9:11], now[9:11], strict=True)), default=0.0)
     return far >= STEADY_MM or math.cos(turned) <= STEADY
+
+
+def _within(value: float, bounds: tuple[float, float]) -> float:
+    return min(max(value, bounds[0]), bounds[1])
 
 
 def _vector(values: list[float]) -> Vector:

@@ -73,7 +73,7 @@ class Incidents:
 
     `number` has how many there are of each class. `limits` are parameters by class and key, without
     a tissue only those that are not derived from one. `named` has the keys of those that an
-    exercise names.
+    exercise names. `followed` are those of the last second, of which something may still come.
     """
 
     def __init__(self, tissue: Conditions | None, named: Mapping[str, float]) -> None:
@@ -92,7 +92,7 @@ class Incidents:
         self.tick = 0
         self._all: list[_Open] = []
         self._open: dict[tuple[str, int | None, int], _Open] = {}
-        self._followed: list[_Open] = []
+        self.followed: list[_Open] = []
 
     def note(
         self,
@@ -115,10 +115,10 @@ class Incidents:
         if found is None or self.tick - found.end > CLOSED_TICKS:
             found = self._open[error, hand, tube] = _Open(error, self.tick, hand, station, tube)
             self._all.append(found)
-            self._followed.append(found)
+            self.followed.append(found)
             self.number[error] = self.number.get(error, 0) + 1
         elif self.tick - found.end > FOLLOWED_TICKS:
-            self._followed.append(found)
+            self.followed.append(found)
         found.end = self.tick
         found.consequence = max(found.consequence, CONSEQUENCES.index(consequence))
         total = found.values.get("n", 0.0)
@@ -130,11 +130,9 @@ class Incidents:
 
     def end_tick(self, consequence: Consequence) -> None:
         """Put what happened in this tick down to the incidents of the last second."""
-        if not self._followed:
-            return
         level = CONSEQUENCES.index(consequence)
-        self._followed = [each for each in self._followed if self.tick - each.end <= FOLLOWED_TICKS]
-        for each in self._followed:
+        self.followed = [each for each in self.followed if self.tick - each.end <= FOLLOWED_TICKS]
+        for each in self.followed:
             each.consequence = max(each.consequence, level)
 
     def all(self) -> list[Incident]:
