@@ -16,7 +16,7 @@ from app.bed_preset import bed_named
 from app.simulation.clock import REACTION_SECONDS, TICK_SECONDS
 from app.simulation.errors import Conditions, Incidents
 from app.simulation.errors.incidents import Consequence
-from app.simulation.errors.pace import PULL_TICKS, Pace
+from app.simulation.errors.pace import LEAST_SPEED, PULL_TICKS, Pace
 from app.simulation.hand import MEAN_PULL, Hand
 from app.simulation.inputs import SCOPE_NUMBERS
 from app.simulation.run_file import HANDS
@@ -38,8 +38,6 @@ TURN_MM = 2.0
 """mm by which a tip that goes back turns, and within which two holds are at one place."""
 SERIOUS_ML = 2.0
 """ml of blood beyond which a bleeding is an injury, a choice."""
-LEAST_SPEED = 1.0
-"""mm/s below which a hand that holds still trembles."""
 VIEW_TICKS = 10
 """Ticks from one look at the critical view to the next."""
 SAME = 1e-6
@@ -84,10 +82,14 @@ class _Watch:
         self.extremes = [self.places[-1][axis] for axis in range(3)]
         self.heading = [0, 0, 0]  # along each axis: 1 or -1, 0 before the first
 
+    def shift(self, ticks: int) -> list[float]:
+        """Return how far the tip has come, (3,) mm."""
+        now, before = self.places[-1], self.places[-1 - ticks]
+        return [now[r] - before[r] for r in range(3)]
+
     def speed(self, ticks: int) -> float:
         """Return the tip's speed from end to end, mm/s."""
-        a, b = self.places[-1], self.places[-1 - ticks]
-        return math.dist(a[:3], b[:3]) / (ticks * TICK_SECONDS)
+        return math.hypot(*self.shift(ticks)) / (ticks * TICK_SECONDS)
 
 
 class ErrorFinder:
@@ -182,13 +184,15 @@ class ErrorFinder:
             else:
                 watch.places.append((*hand.place.tolist(), hand.opening))
             if hand.node is not None:
-                self._judge_hold(i, watch, forces[i], parted, dissecting[1 - i])
+                self._judge_hold(i, watch, forces[i], dissecting[1 - i])
             elif self._rods[i, 0] >= 0:
                 self._judge_instrument(i, hand, watch, *counts[i], holding=holding)
             if len(duct.pose) >= SCOPE_NUMBERS:
                 self._judge_picture(
                     i, hand, watch, acts=math.hypot(*forces[i]) > pull or counts[i][2] > 0
                 )
+        if holding:
+            self._judge_pace(forces, parted=parted > 0)
         limit = incidents.limits["unseen"]["strands"]
         if out_of_sight >= limit:
             incidents.note("unseen", None, duct.station, out_of_sight, out_of_sight)
@@ -508,9 +512,7 @@ class ErrorFinder:
             outside += edges
         return min(outside, default=(None, 0.0))
 
-    def _judge_hold(
-        self, i: int, watch: _Watch, force: list[float], parted: int, other_dissects: bool
-    ) -> None:
+    def _judge_hold(self, i: int, watch: _Watch, force: list[float], other_dissects: bool) -> None:
         incidents, limits = self.incidents, self.incidents.limits
         at, stress = watch.held_at, self._pace.ratio
         size = math.hypot(*force)
@@ -541,7 +543,21 @@ class ErrorFinder:
                 "over_lifted", i, at, stress,
                 p=100.0 * stress, m=watch.places[-1][2], most=100.0 * most,
             )  # fmt: skip
-        self._pace.judge(i, at, watch.speed(PULL_TICKS), parted=parted > 0)
+
+    def _judge_pace(self, forces: list[list[float]], *, parted: bool) -> None:
+        """Judge how fast the wall is loaded, by the hand whose motion does most work on it."""
+        work = [
+            sum(f * d for f, d in zip(force, watch.shift(PULL_TICKS), strict=True))
+            for force, watch in zip(forces, self._watches, strict=True)
+        ]
+        i = work.index(max(work))
+        size, watch = math.hypot(*forces[i]), self._watches[i]
+        # What jaws and swabs press is an error of its own.
+        held = self._duct.hands[i].node is not None
+        if not held or size <= self.incidents.limits["ahead_of_front"]["pull"]:
+            return
+        if work[i] > size * LEAST_SPEED * PULL_TICKS * TICK_SECONDS:
+            self._pace.judge(i, watch.held_at, watch.speed(PULL_TICKS), parted=parted)
 
     def _judge_lean(self, i: int, at: float) -> None:
         """Judge whether a duct is pulled straight off its bed."""

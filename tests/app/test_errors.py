@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 import re
 from collections import Counter
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from errors_page import page
 from program import run
+from simulated import phantom, pull_session
 
 from app.anatomy import anatomy_named
 from app.simulation import (
@@ -81,6 +83,7 @@ def test_sentences_say_what_where_and_what_instead() -> None:
         assert sentence.endswith(".")
         assert sentence.count(". ") == 1, sentence
         assert "{" not in sentence
+        assert not re.search(r"\b0\.000 s|\binf\b|\b0 mm/s", sentence), sentence
         assert sentence == sentence.strip()
         assert error in ERROR_CLASSES
     assert len(sentences) >= 15, sorted(sentences)
@@ -197,6 +200,44 @@ def test_errors_at_several_tubes_name_the_tube_and_what_it_lost() -> None:
     assert went_on.start_s - bleeding.start_s > 5.0
     assert "ahead_of_front" not in found
     assert "leaning" not in found
+
+
+@pytest.mark.parametrize("mover", [0, 1])
+def test_the_hand_that_pulls_fast_is_named_and_not_one_that_holds_still(mover: int) -> None:
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    still, tube = 1 - mover, session.spatial.tubes.names.index("common")
+    for hand in range(2):
+        session.choose_instrument(hand, "grasper")
+        assert session.grab(hand, 20.0 + 8.0 * hand, tube) is not None
+    for _ in range(60):
+        for hand in range(2):
+            session.move_hand(hand, session.spatial.hands[hand].target + np.array([0, 0, 0.1]))
+        session.advance()
+    session.advance(30)
+    held = session.spatial.hands[still].place.copy()
+    assert math.hypot(*session.spatial.forces[still]) > 0.2, "it pulls"
+    before = len(session.run.incidents())
+    lift_until(session, mover, "fast_pull", (0.0, 0.0, 2.0))
+    assert session.spatial.hands[still].place == pytest.approx(held, abs=0.0)
+    found = [each for each in session.run.incidents()[before:] if "fast" in each.error]
+    assert {each.hand for each in found} == {mover}
+    (fast,) = [each for each in found if each.error == "fast_pull"]
+    assert float(fast.values["v"]) > 10.0
+
+
+def test_no_hand_that_holds_still_is_blamed_for_a_wall_that_weakens() -> None:
+    session = pull_session(phantom(), vertices=FEW)
+    assert session.grab(0, session.task_grasp) is not None
+    for tick in range(1, 181):
+        session.lift(0.03 * tick)
+        session.advance()
+    session.advance(60)
+    before = 1.0 - session.reading().distance_to_break
+    assert 0.3 < before < 0.4
+    session.set_threshold(0.4 * session.tissue.threshold)
+    session.advance(30)
+    assert 1.0 - session.reading().distance_to_break > 1.5 * before
+    assert session.run.incidents() == []
 
 
 def test_a_structure_that_an_exercise_is_not_about_is_a_wrong_one() -> None:

@@ -306,7 +306,9 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "fast_pull", "Loaded faster than you can react", 7,
             "with the stress ratio s above `least`, (1 - s) over its growth is below `seconds`, "
-            "over 0.13 s; or strands part while a hold moves faster than `speed`, over 0.13 s",
+            "over 0.13 s; or strands part while a hold moves faster than `speed`, over 0.13 s; of "
+            "two hands it is the one whose motion does more work on the wall, and none that is "
+            "still",
             "at {t:.1f} s you pulled at {v:.0f} mm/s, and {left}",
             "Lift at half that speed, and slower still near the break.",
             (

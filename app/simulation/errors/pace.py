@@ -6,7 +6,7 @@ from collections import deque
 from app.simulation.clock import REACTION_SECONDS, TICK_SECONDS
 from app.simulation.errors.incidents import Incidents
 
-__all__ = ["Pace", "PullErrorFinder"]
+__all__ = ["LEAST_SPEED", "PULL_TICKS", "Pace", "PullErrorFinder"]
 
 PULL_TICKS, NEAR_TICKS = 4, 10
 """Ticks over which the growth of the stress ratio is taken, and that near the break: over fewer a
@@ -15,7 +15,10 @@ SMOOTH_TICKS = 3
 """Ticks whose mean each end of the growth near the break is: 0.1 s, nearly a whole tremor. The
 middle of all that it is taken from is 0.2 s ago: later, and a hand that slows down seems fast."""
 KEPT_TICKS = NEAR_TICKS + SMOOTH_TICKS
+LEAST_SPEED = 1.0
+"""mm/s below which a hand that holds still trembles: what loads the wall then is not its pull."""
 BEFORE = "strands parted before you could stop"
+AT_BREAK = "the wall came to its break before you could stop"
 
 
 class Pace:
@@ -40,30 +43,34 @@ class Pace:
         self._stress_ratios.append(ratio)
 
     def judge(self, hand: int, at: float | None, speed: float, *, parted: bool) -> None:
-        """Judge a hold that moves, mm/s, at a station; whether strands part meanwhile."""
+        """Judge the hand that loads the wall, mm/s, at a station; whether strands part too."""
         fast, near = (self._incidents.limits[key] for key in ("fast_pull", "near_break_fast"))
         left = self._left(PULL_TICKS)
         if self.ratio > fast["least"] and left < fast["seconds"]:
             # Rounded down, so that it is seen to be below a reaction time.
-            words = f"the wall would have broken in {math.floor(1e3 * left) / 1e3:.3f} s"
+            ms = math.floor(1e3 * left)
+            words = f"the wall would have broken in {1e-3 * ms:.3f} s" if ms else AT_BREAK
             self._incidents.note("fast_pull", hand, at, 1e3 - left, v=speed, left=words)
         elif parted and speed > fast["speed"]:
             self._incidents.note("fast_pull", hand, at, speed, v=speed, left=BEFORE)
         elif self.ratio > near["least"]:
             mean = sum(self._stress_ratios[-1 - k] for k in range(PULL_TICKS)) / PULL_TICKS
-            left = self._left(NEAR_TICKS, SMOOTH_TICKS)
-            if mean > near["least"] and left < near["seconds"]:
-                growth = (1.0 - self.ratio) / left if left > 0.0 else math.inf
+            if mean > near["least"] and self._left(NEAR_TICKS, SMOOTH_TICKS) < near["seconds"]:
+                growth = 100.0 * self._growth(NEAR_TICKS, SMOOTH_TICKS)
                 self._incidents.note(
-                    "near_break_fast", hand, at, growth, p=100.0 * self.ratio, g=100.0 * growth
+                    "near_break_fast", hand, at, growth, p=100.0 * self.ratio, g=growth
                 )
 
-    def _left(self, ticks: int, smooth: int = 1) -> float:
-        """Return 1 less the ratio over its growth, s; each end is a mean of some ticks."""
+    def _growth(self, ticks: int, smooth: int = 1) -> float:
+        """Return the ratio's growth a second; each end is a mean of some ticks."""
         ratios = self._stress_ratios
-        ratio = ratios[-1]
         growth = sum(ratios[-1 - k] - ratios[-1 - ticks - k] for k in range(smooth)) / smooth
-        return max(1.0 - ratio, 0.0) * ticks * TICK_SECONDS / growth if growth > 0.0 else math.inf
+        return growth / (ticks * TICK_SECONDS)
+
+    def _left(self, ticks: int, smooth: int = 1) -> float:
+        """Return 1 less the ratio over its growth, s."""
+        growth = self._growth(ticks, smooth)
+        return max(1.0 - self.ratio, 0.0) / growth if growth > 0.0 else math.inf
 
 
 class PullErrorFinder:
@@ -79,8 +86,8 @@ class PullErrorFinder:
         self.incidents.tick += 1
         self._pace.take(stress_ratio)
         self._deflections.append(deflection)
-        if held:
-            speed = (deflection - self._deflections[0]) / (PULL_TICKS * TICK_SECONDS)
+        speed = (deflection - self._deflections[0]) / (PULL_TICKS * TICK_SECONDS)
+        if held and speed > LEAST_SPEED:
             self._pace.judge(0, None, speed, parted=False)
         self.incidents.end_tick("near miss" if self._pace.too_fast else "none")
 
