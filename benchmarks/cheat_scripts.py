@@ -7,11 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from app.simulation import JAW_RADIUS, Exercise
+from app.simulation.scripted_hands import Clip
 from benchmarks.faults import (
+    COVERED,
+    SAFE,
     Hands,
     Make,
     behind,
     beside_and_open,
+    divide_at_once,
     drag,
     front,
     go,
@@ -19,8 +23,13 @@ from benchmarks.faults import (
     held_and,
     lift,
     middle,
+    name_all,
     opened,
+    patient_plough,
+    say_unsafe,
     steps,
+    sweep_triangle,
+    tear_off,
     wait,
 )
 
@@ -37,6 +46,7 @@ class Cheat(NamedTuple):
     name: str
     make: Make
     speeds: tuple[float, ...]
+    seed: int = 31  # of the bed or of the anatomy
 
 
 def twist(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
@@ -131,14 +141,6 @@ def swab_under(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]
         yield from go(hands, 1, np.array(place) + np.array([middle(exercise), 0.0, 0.0]), 60.0)
     for place in ((-10.0, 0.0, low), (10.0, 0.0, low)):
         yield from go(hands, 1, np.array(place) + np.array([middle(exercise), 0.0, 0.0]), speed)
-
-
-def patient_plough(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
-    """Plough a little at a time, and wait until it is forgotten."""
-    yield from behind(hands, middle(exercise) - 9.0)
-    for _ in range(10):
-        yield from lift(hands, np.array([2.5, 0.0, 0.0]), speed, 1)
-        yield from wait(5.2)
 
 
 def small_lifts(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
@@ -267,6 +269,110 @@ def pull_in_pieces(hands: Hands, exercise: Exercise, speed: float) -> Iterator[N
             yield from wait(0.2)
 
 
+# A free duct
+
+
+def band_middle(hands: Hands) -> float:
+    """Return the deflection in the middle of what is asked for, mm."""
+    band = hands.goal
+    assert band is not None
+    return 0.5 * sum(band)
+
+
+def jump_to(part: float) -> Make:
+    """Throw the duct to a part of what is asked for, and then into it."""
+
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        middle = band_middle(hands)
+        hands.grab(0, hands.task_grasp)
+        for _ in range(6):
+            for reached in steps(part * middle, speed):
+                hands.lift(reached)
+                yield
+            hands.lift(middle)
+            yield from wait(4.0)
+            hands.lift(0.0)
+            yield from wait(1.0)
+
+    return make
+
+
+def shake(far: float) -> Make:
+    """Shake the duct about what is asked for, by a part of it."""
+
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        middle = band_middle(hands)
+        hands.grab(0, hands.task_grasp)
+        for reached in steps(middle, 5.0):
+            hands.lift(reached)
+            yield
+        for tick in range(600):
+            hands.lift(middle * (1.0 + far * math.sin(speed * tick)))
+            yield
+
+    return make
+
+
+def spring_back(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Lift as one should, and let go in place of leading back."""
+    middle = band_middle(hands)
+    for _ in range(5):
+        hands.grab(0, hands.task_grasp)
+        for reached in steps(middle, speed):
+            hands.lift(reached)
+            yield
+        yield from wait(1.5)
+        hands.release()
+        yield from wait(0.5)
+
+
+def hold_in_turns(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Take hold three times a second, so that no hold ever lasts."""
+    middle = band_middle(hands)
+    for _ in range(30):
+        hands.grab(0, hands.task_grasp)
+        for reached in steps(middle, speed):
+            hands.lift(reached)
+            yield
+        hands.release()
+        yield
+
+
+def by_sliders(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Make the wall stronger, and set the force in place of pulling."""
+    hands.set_threshold(1.0)
+    for force in steps(4.0, speed):
+        hands.set_target_force(force)
+        yield
+    yield from wait(5.0)
+
+
+def look_on_and_clip(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Let it bleed for 20 s, and clip it then."""
+    yield from Clip(speed=speed, seconds=20.0).inputs(hands, exercise)
+
+
+# A picture
+
+
+def try_each(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Name every tube as each structure in turn, the right one last."""
+    names = hands.duct.tubes.names
+    for structure, right in zip(exercise.structures, ("cystic", "artery", "common"), strict=True):
+        for tube in sorted(range(len(names)), key=lambda each: names[each] == right):
+            hands.mark(structure, tube, 5.0)
+            yield
+
+
+def name_then_unsafe(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Name two, and say that it is not safe in place of the third."""
+    for structure, tube in zip(exercise.structures, ("cystic", "artery"), strict=False):
+        hands.mark(structure, hands.duct.tubes.names.index(tube), 5.0)
+        yield
+    hands.call_unsafe()
+    yield
+
+
 WITH_A_DISSECTOR = (
     ("twist", twist, (1.5, 3.0)),
     ("swing", swing, (3.0, 6.0)),
@@ -305,4 +411,29 @@ CHEATS = (
     Cheat("free_scar", "let down first", let_down_first, (8.0, 14.0)),
     Cheat("free_scar", "let go first", let_go_first, (8.0, 14.0)),
     Cheat("free_scar", "pull in pieces", pull_in_pieces, (5.0, 10.0)),
+    *(
+        Cheat(exercise, name, make, speeds)
+        for exercise in ("hold_stretch", "approach_break", "gentle_lifts")
+        for name, make, speeds in (
+            ("jump", jump_to(1.0), (60.0, 200.0)),
+            ("jump on", jump_to(0.3), (5.0, 10.0)),
+            ("shake", shake(0.25), (0.2, 0.4)),
+            ("hold in turns", hold_in_turns, (40.0, 80.0)),
+            ("by sliders", by_sliders, (0.5, 2.0)),
+        )
+    ),
+    Cheat("gentle_lifts", "spring back", spring_back, (3.0, 5.0)),
+    Cheat("critical_view", "tear it off", tear_off("gallbladder", 20.0), (5.0, 40.0)),
+    Cheat("critical_view", "tear it aside", tear_off("gallbladder", 8.0, 0.8), (5.0, 40.0)),
+    Cheat("critical_view", "tear off the duct", tear_off("cystic", 10.0), (5.0, 40.0)),
+    Cheat("critical_view", "sweep the jaws", sweep_triangle("dissector"), (10.0, 40.0)),
+    Cheat("critical_view", "wipe", sweep_triangle("swab"), (10.0, 40.0)),
+    Cheat("critical_view", "divide at once", divide_at_once("cystic"), (10.0,)),
+    Cheat("stop_bleeding", "look on", look_on_and_clip, (12.0,), 1),
+    Cheat("who_is_who", "say unsafe", say_unsafe, (1.0,), SAFE[0]),
+    Cheat("who_is_who", "all the same", name_all("cystic", "cystic", "cystic"), (1.0,), SAFE[0]),
+    Cheat("who_is_who", "try each", try_each, (1.0,), SAFE[0]),
+    Cheat("who_is_who", "name two", name_then_unsafe, (1.0,), SAFE[0]),
+    Cheat("who_is_who", "name at once", name_all("cystic", "artery", "common"), (1.0,), COVERED[0]),
+    Cheat("who_is_who", "name two unseen", name_then_unsafe, (1.0,), COVERED[0]),
 )

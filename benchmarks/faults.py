@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
+from app.anatomy import drawn_anatomy
 from app.command_line.load import shipped_organ
 from app.simulation import (
     ERROR_CLASSES,
@@ -26,25 +27,32 @@ from app.simulation import (
     Exercise,
     FreeLength,
     Incident,
+    Instrument,
     Outcome,
     Session,
     SpatialTissue,
+    Specimen,
     bed_named,
     exercises_offered,
+    free_specimen,
     specimen_in_bed,
 )
-from app.simulation.scripted_hands import Follow, Spread
+from app.simulation.exercise_limits import AT_ANATOMY, IN_BED
+from app.simulation.scripted_hands import Clip, Follow, Spread
+from app.simulation.spatial_tissue import CLIP_OPENING
 
 __all__ = ["FAULTS", "Fault", "done", "exercises", "good", "measure_faults"]
 
 BEDS, SEEDS, TREMOR = ("normal", "firm"), (71, 72), 0.15
-GOOD_BEDS, GOOD_SEEDS = ("loose", "normal", "firm", "inflamed"), range(71, 76)
+GOOD_BEDS, GOOD_SEEDS = ("loose", "normal", "firm", "inflamed"), range(71, 91)
 GOOD_TREMORS = (0.15, 0.3)
 """Where `measure_faults` looks, and the hands' tremor, mm."""
+SAFE, COVERED = (20, 23, 26), (12, 15, 18)
+"""Seeds of pictures in which all is seen, and in which too little is."""
 
 Floats = np.ndarray
 Make = Callable[["Hands", Exercise, float], Iterator[None]]
-MOST_TICKS = 30 * 30
+MOST_TICKS = 60 * 30
 """Ticks of a fault at most."""
 
 
@@ -219,6 +227,14 @@ def stab_aslant(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None
     yield from wait(0.5)
 
 
+def patient_plough(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Plough a little at a time, and wait until it is forgotten."""
+    yield from behind(hands, middle(exercise) - 9.0)
+    for _ in range(10):
+        yield from lift(hands, np.array([2.5, 0.0, 0.0]), speed, 1)
+        yield from wait(5.2)
+
+
 def press(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Come up against the duct from behind."""
     yield from behind(hands, middle(exercise))
@@ -367,6 +383,133 @@ def drop(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         yield
 
 
+def near_break(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Do as good hands do at the front, and go on as fast near the break."""
+    yield from Follow(speed=speed, slows=False).inputs(hands, exercise)
+
+
+# Stop a bleeding
+
+
+def stab_and_clip(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    yield from Clip(speed=speed).inputs(hands, exercise)
+
+
+def spray_clips(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Clip the torn tube all along, beyond its tear, without a look where the blood comes from."""
+    for before in (-6.0, -9.0, -12.0):
+        clips = sum(each.kind == "clip" for each in hands.duct.events)
+        technique = Clip(speed=speed, before=before, seconds=0.5)
+        for _ in islice(technique.inputs(hands, exercise), 150):
+            yield
+            if sum(each.kind == "clip" for each in hands.duct.events) > clips:
+                break
+
+
+# An anatomy
+
+
+def tear_off(tube: str, station: float, lean: float = 0.0) -> Make:
+    """Pull at one tube until all about it has parted."""
+
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        assert hands.grab(0, station, hands.duct.tubes.names.index(tube)) is not None
+        yield from lift(hands, 60.0 * np.array([0.0, math.sin(lean), math.cos(lean)]), speed)
+
+    return make
+
+
+def sweep_triangle(tool: Instrument) -> Make:
+    """Sweep an instrument to and fro through all that lies between the tubes."""
+
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        hands.choose_instrument(1, tool)
+        beam = hands.duct.beam
+        centre = np.mean([beam.places[beam.nodes_of(each)].mean(axis=0)
+                          for each in exercise.about or ()], axis=0)  # fmt: skip
+        for row in range(-6, 7, 2):
+            for side in (-12.0, 12.0):
+                yield from go(hands, 1, centre + np.array([float(side), float(row), 0.0]), speed)
+
+    return make
+
+
+def close_on(
+    hands: Hands, tool: Instrument, tube: str, station: float, speed: float
+) -> Iterator[None]:
+    """Bring open jaws past a tube from above."""
+    hands.choose_instrument(1, tool)
+    shaft = np.array([0.0, 0.0, 1.0])
+    line = hands.duct.beam.places_at(np.array([station - 0.5, station, station + 0.5]), tube)
+    hands.aim(1, shaft.tolist())
+    hands.spread(1, np.cross(shaft, line[2] - line[0]).tolist())
+    hands.open_jaws(1, CLIP_OPENING)
+    yield from go(hands, 1, line[1] + 14.0 * shaft, 60.0)
+    past = float(hands.duct.tubes.network.tubes[tube].radius.max()) + 1.5
+    yield from go(hands, 1, line[1] - past * shaft, speed)
+    yield from wait(0.3)
+
+
+def divide_at_once(tube: str) -> Make:
+    """Divide a tube that runs into the gallbladder, before anything is freed."""
+
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        yield from close_on(hands, "scissors", tube, 10.0, speed)
+        hands.divide(1)
+        yield from wait(1.0)
+
+    return make
+
+
+def unseen_work(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Pull while the scope looks elsewhere."""
+    place = hands.grab(0, 20.0, hands.duct.tubes.names.index("gallbladder"))
+    assert place is not None
+    x, y, z = place
+    hands.look_from([0.0, -0.7, 0.7, x, y, z + 80.0, 0.0, 0.0, 150.0, 0.0, 0.0, 0.0])
+    yield from lift(hands, np.array([0.0, 0.0, 12.0]), speed)
+
+
+def clip_other(tube: str, station: float) -> Make:
+    """Clip a tube that is not asked for."""
+
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        yield from close_on(hands, "clip applier", tube, station, speed)
+        hands.clip(1)
+        yield from wait(0.5)
+
+    return make
+
+
+def go_on(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Part strands at the gallbladder while the artery bleeds."""
+    hands.open_jaws(1, 1.0)
+    yield from wait(5.5)
+    hands.choose_instrument(1, "dissector")
+    place = hands.duct.beam.places_at(np.array([35.0]), "gallbladder")[0]
+    yield from go(hands, 1, place + np.array([-10.0, 0.0, -6.0]), 60.0)
+    yield from go(hands, 1, place + np.array([10.0, 0.0, -6.0]), speed)
+
+
+# A picture
+
+
+def say_unsafe(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    hands.call_unsafe()
+    yield
+
+
+def name_all(*tubes: str) -> Make:
+    """Name the structures without a look at what is seen of them."""
+
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        for structure, tube in zip(exercise.structures, tubes, strict=True):
+            hands.mark(structure, hands.duct.tubes.names.index(tube), 5.0)
+            yield
+
+    return make
+
+
 @dataclass(frozen=True)
 class Fault:
     """A way to do an exercise wrongly."""
@@ -376,11 +519,22 @@ class Fault:
     make: Make
     speeds: tuple[float, float, float]
     named: frozenset[str]  # of which at least one is found
+    bed: str | None = None  # the only one in which it is one
+    anatomies: tuple[int, ...] = ()  # seeds of those where it is done
+
+    def runs(self, beds: Sequence[str], seeds: Sequence[int]) -> list[tuple[str, int, float]]:
+        """Return where it is done and how fast: in beds of seeds, or at its anatomies."""
+        if self.anatomies:
+            return [("", *each) for each in zip(self.anatomies, self.speeds, strict=True)]
+        return list(product((self.bed,) if self.bed else beds, seeds, self.speeds))
 
 
-def fault(exercise: str, name: str, make: Make, speeds: tuple[float, ...], *named: str) -> Fault:
+def fault(
+    exercise: str, name: str, make: Make, speeds: tuple[float, ...], *named: str,
+    bed: str | None = None, at: tuple[int, ...] = (),
+) -> Fault:  # fmt: skip
     low, mid, high = speeds
-    return Fault(exercise, name, make, (low, mid, high), frozenset(named))
+    return Fault(exercise, name, make, (low, mid, high), frozenset(named), bed, at)
 
 
 PULLED = ("one_go", "over_lifted", "unseen")
@@ -424,38 +578,89 @@ FAULTS = (
     fault("free_scar", "drop", held_and(drop), (4.0, 8.0, 16.0), "traction_lost"),
     fault("free_scar", "hasty lift", too_high, (30.0, 45.0, 60.0), "fast_pull"),
     fault("free_scar", "stab", held_and(stab), (45.0, 60.0, 95.0), "blind_stab"),
+    fault("follow_front", "near", near_break, (9.0, 10.0, 11.0), "near_break_fast", bed="loose"),
+    fault("window", "plough patiently", patient_plough, (4.0, 5.0, 8.0), "ploughing"),
+    *(
+        fault("stop_bleeding", name, make, speeds, *named, at=(25, 28, 30))
+        for name, make, speeds, named in (
+            ("stab", stab_and_clip, (60.0, 100.0, 200.0), ("blind_stab",)),
+            ("spray", spray_clips, (10.0, 12.0, 14.0), ("clip_astray", "tension_on_vessel")),
+            ("go on", go_on, (3.0, 5.0, 8.0), ("unattended_bleeding",)),
+            ("clip the duct", clip_other("cystic", 12.0), (8.0, 12.0, 15.0), ("clip_wrong_tube",)),
+        )
+    ),
+    *(
+        fault("critical_view", name, make, speeds, named, at=(25, 28, 30))
+        for name, make, speeds, named in (
+            ("pull the common duct", tear_off("common", 15.0), (3.0, 5.0, 8.0), "wrong_structure"),
+            ("pull the artery", tear_off("artery", 8.0), (1.0, 2.0, 4.0), "tension_on_vessel"),
+            ("tear the artery", tear_off("artery", 12.0), (3.0, 5.0, 8.0), "bleeding"),
+            ("tear the duct", tear_off("cystic", 10.0), (3.0, 5.0, 8.0), "tear"),
+            ("divide at once", divide_at_once("cystic"), (8.0, 12.0, 15.0), "divided_before_view"),
+            ("divide unclipped", divide_at_once("artery"), (8.0, 12.0, 15.0), "clip_short"),
+            ("look away", unseen_work, (3.0, 4.0, 5.0), "out_of_view"),
+        )
+    ),
+    fault(
+        "who_is_who",
+        "take for another",
+        name_all("cystic", "cystic", "common"),
+        (1.0, 1.0, 1.0),
+        "mistaken",
+        at=SAFE,
+    ),
+    fault("who_is_who", "say unsafe", say_unsafe, (1.0, 1.0, 1.0), "held_back", at=SAFE),
+    fault(
+        "who_is_who",
+        "name unseen",
+        name_all("cystic", "artery", "common"),
+        (1.0, 1.0, 1.0),
+        "named_unsafe",
+        at=COVERED,
+    ),
 )
 
 
 @cache
-def hands_in(bed: str) -> Hands:
-    return Hands(specimen_in_bed(shipped_organ(), bed=bed_named(bed)), vertices=FEW)
+def hands_in(where: str | int | None) -> Hands:
+    """Return hands at the duct in a bed by name, at an anatomy by its seed, or at a free duct."""
+    organ = shipped_organ()
+    if where is None:
+        return Hands(free_specimen(organ), vertices=FEW)
+    if isinstance(where, int):
+        return Hands(Specimen.of_anatomy(drawn_anatomy(where)), vertices=FEW)
+    return Hands(specimen_in_bed(organ, bed=bed_named(where)), vertices=FEW)
 
 
 @cache
-def exercises(bed: str) -> dict[str, Exercise]:
-    """Return the exercises of a bed, by name."""
-    return {each.name: each for each in exercises_offered(hands_in(bed))}
+def exercises(where: str | int | None) -> dict[str, Exercise]:
+    """Return the exercises there, by name."""
+    return {each.name: each for each in exercises_offered(hands_in(where))}
 
 
-def in_bed(exercise: Exercise, seed: int) -> Exercise:
-    """Return an exercise in a bed of another seed."""
-    assert exercise.opening is not None
-    opening = msgspec.structs.replace(exercise.opening, bed_seed=seed)
-    return msgspec.structs.replace(exercise, opening=opening)
+def begun(name: str, bed: str, seed: int) -> Hands:
+    """Return hands that have begun an exercise, in a bed where it is done in one."""
+    where = bed if name in IN_BED else seed if name in AT_ANATOMY else None
+    exercise = exercises(where)[name]
+    opening = exercise.opening
+    if opening is not None and opening.bed is not None:
+        assert isinstance(opening.bed, str)
+        where = opening.bed
+        opening = msgspec.structs.replace(opening, bed_seed=seed)
+        exercise = msgspec.structs.replace(exercise, opening=opening)
+    hands = hands_in(where)
+    hands.start_exercise(exercise.by_hands_alone())
+    return hands
 
 
 def done(
-    exercise: Exercise, seed: int, make: Make, speed: float, tremor: float = 0.0
+    name: str, bed: str, seed: int, make: Make, speed: float = 1.0, tremor: float = 0.0
 ) -> tuple[Outcome, list[Incident]]:
-    """Do an exercise in a bed of a seed."""
-    wanted = in_bed(exercise, seed)
-    assert wanted.opening is not None
-    assert isinstance(wanted.opening.bed, str)
-    hands = hands_in(wanted.opening.bed)
+    """Do an exercise in a bed of a seed, or at the anatomy of a seed."""
+    hands = begun(name, bed, seed)
     hands.tremble(tremor, seed)
-    hands.start_exercise(wanted)
-    for _ in islice(make(hands, wanted, speed), MOST_TICKS):
+    assert hands.run.exercise is not None
+    for _ in islice(make(hands, hands.run.exercise, speed), MOST_TICKS):
         hands.advance()
         if hands.run.over:
             break
@@ -467,10 +672,10 @@ def done(
 def good(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Do an exercise well, at a speed relative to the good hand's; jaws once more on both sides."""
     technique = MANNERS[exercise.name]["good"]
-    assert isinstance(technique, Spread | Follow)
+    assert isinstance(technique, Spread | Follow | Clip)
     technique = replace(technique, speed=speed * technique.speed)
     yield from technique.inputs(hands, exercise)
-    if isinstance(technique, Follow):
+    if not isinstance(technique, Spread):
         return
     for beside in (-10.0, 10.0):
         for distance in steps(40.0, 20.0):
@@ -492,30 +697,28 @@ def measure_faults(console: Console) -> dict[str, Any]:
     meant, found = Counter[str](), Counter[str]()
     runs = right = passed = 0
     with console.status("Faults ..."):
-        for bed, seed in product(BEDS, SEEDS):
-            offered = exercises(bed)
-            for each in FAULTS:
-                for speed in each.speeds:
-                    end, incidents = done(offered[each.exercise], seed, each.make, speed, TREMOR)
-                    errors = {one.error for one in incidents}
-                    runs, right = runs + 1, right + bool(each.named & errors)
-                    passed += end.passed
-                    if len(each.named) == 1:
-                        meant.update(each.named)
-                        found.update(each.named & errors)
-                    if not each.named & errors or end.passed:
-                        console.print(
-                            f"  {each.name}, {speed:g}, {bed} {seed}: "
-                            f"{'passed' if end.passed else 'not named'}, {sorted(errors)}",
-                            highlight=False,
-                        )
+        for each in FAULTS:
+            for bed, seed, speed in each.runs(BEDS, SEEDS):
+                end, incidents = done(each.exercise, bed, seed, each.make, speed, TREMOR)
+                errors = {one.error for one in incidents}
+                runs, right = runs + 1, right + bool(each.named & errors)
+                passed += end.passed
+                if len(each.named) == 1:
+                    meant.update(each.named)
+                    found.update(each.named & errors)
+                if not each.named & errors or end.passed:
+                    console.print(
+                        f"  {each.exercise}, {each.name}, {speed:g}, {bed} {seed}: "
+                        f"{'passed' if end.passed else 'not named'}, {sorted(errors)}",
+                        highlight=False,
+                    )
     console.print(f"Faults: {runs} runs, {right} named, {passed} passed", highlight=False)
     good_runs, accused = Counter[float](), Counter[tuple[str, float]]()
     good_passed = Counter[float]()
     with console.status("Good hands ..."):
         for tremor, bed, seed in product(GOOD_TREMORS, GOOD_BEDS, GOOD_SEEDS):
-            for exercise in exercises(bed).values():
-                end, incidents = done(exercise, seed, good, 1.0, tremor)
+            for name in exercises(bed):
+                end, incidents = done(name, bed, seed, good, tremor=tremor)
                 good_runs[tremor] += 1
                 good_passed[tremor] += end.passed
                 accused.update((error, tremor) for error in {one.error for one in incidents})

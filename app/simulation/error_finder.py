@@ -126,6 +126,9 @@ class ErrorFinder:
         self._vessels = [tube for tube, kind in enumerate(kinds) if kind in ("artery", "vein")]
         self._wrong = [about is not None and name not in about for name in tubes]
         self._bleeding_since: dict[str, int] = {}
+        # clips on tubes that bled: tick, what flowed then
+        self._clipped: list[tuple[int, float, Event]] = []
+        self._rates: dict[str, float] = {}  # of blood out of each tube
         self._safety = None if anatomy is None else _safety_of(duct)
         # of the critical view, before this tick; None without a gallbladder
         self.most_points = None if self._safety is None else self._safety.critical_view().total
@@ -294,6 +297,9 @@ class ErrorFinder:
                 x=at,
                 name=self._titles[tube],
             )
+        before = self._rates.get(event.tube, 0.0)
+        if event.kind == "clip" and before > LEAST_FLOW:
+            self._clipped.append((incidents.tick, before, event))
         safety = self._safety
         if event.kind == "clip" or safety is None or event.tube not in safety.entering:
             return
@@ -348,6 +354,8 @@ class ErrorFinder:
         rates: dict[str, float] = {}
         for hole in blood.holes:
             rates[hole.tube] = rates.get(hole.tube, 0.0) + hole.flow
+        self._judge_clips(rates)
+        self._rates = rates
         for name, rate in rates.items():
             if rate <= LEAST_FLOW:
                 self._bleeding_since.pop(name, None)
@@ -374,6 +382,19 @@ class ErrorFinder:
                         "unattended_bleeding", i, hole.station, seconds, tube=tube,
                         consequence=harm, d=away, s=seconds, ml=lost, name=self._titles[tube],
                     )  # fmt: skip
+
+    def _judge_clips(self, rates: dict[str, float]) -> None:
+        """Judge whether clips have stopped anything, once blood has had time to stand."""
+        limits, incidents = self.incidents.limits["clip_astray"], self.incidents
+        after = round(limits["seconds"] / TICK_SECONDS)
+        while self._clipped and incidents.tick - self._clipped[0][0] >= after:
+            _, before, clip = self._clipped.pop(0)
+            if rates[clip.tube] > limits["part"] * before:
+                tube = self._duct.tubes.names.index(clip.tube)
+                incidents.note(
+                    "clip_astray", clip.hand, clip.station, tube=tube, x=clip.station,
+                    name=self._titles[tube],
+                )  # fmt: skip
 
     def _consequence(self, stress: float, out_of_sight: int) -> Consequence:
         if self._torn:

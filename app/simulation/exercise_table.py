@@ -34,7 +34,7 @@ EXERCISES: dict[str, ExerciseKind] = {
         "Follow the front",
         "it is divided and its end is free; take hold where it is free no more, lift, let go, "
         "and take hold again",
-        ("ahead_of_front", "repeated_holds", "one_go", "leaning", "behind_front", "fast_pull"),
+        ("ahead_of_front", "repeated_holds", "one_go", "leaning", "behind_front", *TOO_FAST),
         HOLDING, time_limit_s=120.0, spare=1.2,
     ),
     "free_scar": ExerciseKind(
@@ -63,8 +63,8 @@ EXERCISES: dict[str, ExerciseKind] = {
         "Stop a bleeding",
         "the cystic artery tears with your first touch; bring the open jaws of the clip applier "
         "past it on either side, between the tear and where it comes from, and clip it",
-        ("wrong_structure", "clip_wrong_tube", "unattended_bleeding"),
-        ALL_INSTRUMENTS, in_hand=("grasper", "clip applier"), time_limit_s=60.0, spare=6.0,
+        ("wrong_structure", "clip_wrong_tube", "clip_astray", "unattended_bleeding", "blind_stab"),
+        ALL_INSTRUMENTS, in_hand=("grasper", "clip applier"), time_limit_s=60.0, spare=4.0,
     ),
     "hold_stretch": ExerciseKind("Hold a stretch", "", TOO_FAST),
     "approach_break": ExerciseKind("Approach the break", "", TOO_FAST),

@@ -35,6 +35,8 @@ PAST_MM = 1.5
 """How far jaws are led past a tube that they close."""
 MOST_MM = 25.0
 """How far a hand lifts at most."""
+NEAR_BREAK = 0.5
+"""Part of the break past which a good hand lifts half as fast."""
 # s of staying beyond what the exercise asks for.
 SPARE_SECONDS = 0.5
 LOST_SECONDS = 0.3
@@ -112,12 +114,14 @@ class Follow:
     speed: float = 5.0  # mm/s
     behind: float = 0.0  # how far behind the front the hook takes hold, mm
     lean: float = 0.0  # of pulls off straight up, rad
+    slows: bool = True  # near the break
 
     def inputs(self, session: Session, exercise: Exercise) -> Iterator[None]:
         """Lift and take hold again, without end."""
         while True:
             front = _front(session, exercise)
-            for _ in _lift(session, front + self.behind, MOST_MM, self.speed, self.lean):
+            at = front + self.behind
+            for _ in _lift(session, at, MOST_MM, self.speed, self.lean, slows=self.slows):
                 yield
                 if front - _front(session, exercise) >= STEP_MM:
                     break
@@ -173,7 +177,7 @@ class Reach:
 class Clip:
     """Clips the tube that bleeds, on the side from which the blood comes."""
 
-    speed: float = 15.0  # mm/s of the tip
+    speed: float = 12.0  # mm/s of the tip
     seconds: float = 2.0  # until it goes, to find the tube
     before: float = 3.0  # mm from the tear
 
@@ -241,15 +245,23 @@ MANNERS: dict[str, dict[str, Technique]] = {
 
 
 def _lift(
-    session: Session, station: float, height: float, speed: float, lean: float = 0.0
+    session: Session,
+    station: float,
+    height: float,
+    speed: float,
+    lean: float = 0.0,
+    *,
+    slows: bool = False,
 ) -> Iterator[None]:
-    """Take hold with the first hand and pull to a height, mm."""
+    """Take hold with the first hand and pull to a height, mm; slower near the break if asked."""
     start = session.grab(0, station)
     if start is None:
         return
     up = np.array([0.0, math.sin(lean), math.cos(lean)])
-    for lifted in _steps(height, speed):
-        session.move_hand(0, np.array(start) + lifted * up)
+    ticks, done = len(_steps(height, speed)), 0.0
+    while done < ticks:
+        done += 0.5 if slows and session.spatial.stress_ratio > NEAR_BREAK else 1.0
+        session.move_hand(0, np.array(start) + height * done / ticks * up)
         yield
 
 

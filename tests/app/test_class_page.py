@@ -212,6 +212,64 @@ def test_a_level_is_begun_failed_and_begun_again_on_another_bed_by_keys(
         lesson.choose_course(None)
 
 
+STEADY = COURSE.replace('"Open <it>"', '"A steady hand"').replace('"window"', '"hold_stretch"')
+
+
+def test_a_level_is_shown_failed_tried_again_and_passed_and_the_teacher_sees_it(
+    browser: Browser, running: Trainer
+) -> None:
+    lesson = lesson_of(running)
+    lesson.choose_course(STEADY)
+    teacher = teacher_page(browser, running)
+    token = running.link.partition("token=")[2]
+    with trainer_page(browser, running.address, query=f"&token={token}") as tab:
+        dan, page = Trainee(tab), tab.page
+        dan.join("Dan")
+        levels = page.get_by_test_id("class-levels")
+        expect(levels).to_contain_text("Level 1 of 2: A steady hand. 0 of 1 passed in a row.")
+        tab.press("Start the next try")
+        state = page.get_by_test_id("exercise-state")
+        expect(state).to_contain_text("Ready")
+        (view,) = [each.view for each in lesson._all()]
+
+        tab.press("Show me")
+        tab.wait_until(lambda: view.state.playback is not None)
+        tab.press("Leave the replay")
+        tab.wait_until(lambda: view.state.playback is None)
+        expect(state).to_contain_text("Ready")
+
+        # Far too fast: the result names it, and so does the teacher's page.
+        assert view.session.grab(0, view.session.task_grasp) is not None
+        view.session.lift(12.0)
+        expect(page.get_by_test_id("outcome")).to_contain_text("you pulled at")
+        expect(page.get_by_test_id("next-time")).to_contain_text("Lift at half that speed")
+        expect(page.get_by_test_id("error").first).to_contain_text("you pulled at")
+        grid = teacher.locator("#progress table.grid tbody tr", has_text="Dan")
+        expect(grid.locator("td.now")).to_contain_text("0 of 1")
+        assert [each.passed for each in lesson.store.runs()] == [False]
+
+        # Practice on the same duct, by keys, half a millimetre each once the last one has arrived.
+        tab.press("Try again")
+        expect(state).to_contain_text("Ready")
+        page.mouse.click(300, 500)
+        page.keyboard.press("g")
+        for step in range(1, 40):
+            page.keyboard.press("ArrowUp")
+            tab.wait_until(lambda far=0.5 * step: view.session.reading().deflection > far - 0.05)
+            if view.session.run.standing.startswith("keep it"):
+                break
+        expect(page.get_by_test_id("outcome")).to_contain_text("Kept there for 3 s")
+        expect(page.get_by_test_id("error")).to_have_count(0)
+        tab.press("Close")
+        assert [each.passed for each in lesson.store.runs()] == [False, True]
+        expect(levels).to_contain_text("Level 2 of 2: The front.")
+        expect(grid.locator("td.mastered")).to_have_count(1)
+        (person,) = lesson.store.people()
+        lesson.delete(person.id)
+        lesson.choose_course(None)
+    teacher.close()
+
+
 def test_a_lesson_from_the_first_name_to_the_restart(
     browser: Browser, path: Path, running: Trainer
 ) -> None:

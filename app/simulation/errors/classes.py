@@ -145,6 +145,17 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             if_named=True,
         ),
         ErrorClass(
+            "clip_astray", "Clipped where it stops nothing", 9,
+            "`seconds` after a clip on a tube that bleeds, more than `part` of what flowed out of "
+            "it still does",
+            "at {t:.1f} s your clip on the {name} at {x:.0f} mm had stopped nothing",
+            "Look which end bleeds, and clip between it and where the blood comes from.",
+            (
+                Parameter("seconds", "s", 0.5, "two reaction times"),
+                Parameter("part", "", 0.9, "a choice: a clip on one of two ways in stops more"),
+            ),
+        ),
+        ErrorClass(
             "divided_before_view", "Divided before the critical view", 6,
             "a tube that enters the gallbladder is divided while the critical view of safety has "
             "fewer than `points`",
