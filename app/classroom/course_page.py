@@ -64,7 +64,7 @@ def _helped(
         if why
     )
     if not rows:
-        return "<h3>Who needs help</h3><p class='empty'>Nobody, as far as the tries tell.</p>"
+        return "<h3>Who needs help</h3><p class='empty'>Nobody, as far as tries at levels tell.</p>"
     return (
         "<h3>Who needs help</h3><table class='needs'><thead><tr><th scope='col'>Name</th>"
         f"<th scope='col'>Why</th><th scope='col'>Look</th></tr></thead><tbody>"

@@ -133,7 +133,7 @@ def serve(start: "Callable[[], Trainer]", say: "Callable[[Trainer], object]") ->
     # Stdout has the address first, for who reads it by program.
     if sys.stderr.isatty():
         print(
-            "Preparing the trainer; after a first start a page waits a minute for its duct ...",
+            "Preparing the trainer; on a first start a page waits some minutes for its duct ...",
             file=sys.stderr,
         )
     running = start()

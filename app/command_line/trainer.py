@@ -133,7 +133,7 @@ def trainer(
         print(f"The trainer is ready: {running.link}", flush=True)
         if running.link != running.address:
             plain = "" if running.link.startswith("https") else " Nothing is encrypted on its way."
-            print(f"Who has this link gets in.{plain}", flush=True)
+            print(f"Whoever has this link gets in.{plain}", flush=True)
             draw_link(running.link)
 
     serve(start, say)

@@ -395,7 +395,7 @@ def test_a_level_at_an_anatomy_opens_the_scope_and_is_watched_and_replayed_there
             ann.page.mouse.click(300, 500)
             ann.page.keyboard.press("x")
             ann.page.keyboard.press("ArrowUp")
-            expect(teacher.locator("#people")).to_contain_text("Calot's triangle: ")
+            expect(teacher.locator("#people")).to_contain_text("Stop a bleeding: ")
             expect(ann.page.get_by_test_id("exercise-state")).to_contain_text("It bleeds")
             page.press("Stop")
             page.wait_until(lambda: any(each.finished for each in lesson.store.runs()))

@@ -16,7 +16,7 @@ MOST_POINTS = 40
 class Live(msgspec.Struct, frozen=True):
     """A trainee at work."""
 
-    mode: str
+    work: str  # the exercise, or what is practised on
     state: str
     torn: bool
     distance: float  # to the break: 1 at rest, 0 at the break
@@ -32,10 +32,10 @@ def live(session: Session, *, replaying: bool) -> Live:
     reading, in_bed = session.reading(), session.specimen.bed is not None
     torn, distance = reading.torn_at is not None, reading.distance_to_break
     hands = [place for place, held in zip(reading.places, reading.holding, strict=True) if held]
-    mode = "Dissect" if in_bed else "Pull"
+    work = "A duct in its bed" if in_bed else "A free duct"
     standing = f"{reading.freed:.0f} mm free" if in_bed else f"{reading.force:.2f} N"
     if session.specimen.anatomy is not None:
-        mode, standing = "Calot's triangle", f"{reading.broken} strands broken"
+        work, standing = "Calot's triangle", f"{reading.broken} strands broken"
     exercise = run.exercise
     if replaying:
         state = "watching a replay"
@@ -50,7 +50,7 @@ def live(session: Session, *, replaying: bool) -> Live:
     else:
         state = "ready"
     return Live(
-        mode=mode,
+        work=work if exercise is None else exercise.title,
         state=state,
         torn=torn,
         distance=0.0 if torn else min(max(float(distance), 0.0), 1.0),

@@ -180,7 +180,7 @@ function fill(row, person) {
     }
     for (const cell of [duct, distance, actions]) cell.firstChild.style.display = live ? "" : "none";
     set(exercise, live
-        ? [`${live.mode}: ${live.state}`, live.standing, person.problem].filter(Boolean).join(", ") : "not here");
+        ? [`${live.work}: ${live.state}`, live.standing, person.problem].filter(Boolean).join(", ") : "not here");
     exercise.classList.toggle("refused", Boolean(person.problem));
     set(best, person.best ? `${person.best} (${person.tries} ${person.tries === 1 ? "try" : "tries"})` : "–");
     if (!live) return;

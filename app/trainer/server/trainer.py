@@ -291,7 +291,7 @@ class Trainer:
     def _connect(self, client: viser.ClientHandle) -> None:
         number = client.client_id
         try:
-            with explained(client, "Preparing your duct."):
+            with explained(client, "Preparing your duct, on a first start for minutes."):
                 prepare_page(client)
                 before = kept_by_tab(client)
                 if number not in self._server.get_clients():
