@@ -291,7 +291,8 @@ def _reasons(
 ) -> list[str]:
     if not tries:
         return []
-    where = next_level(standings(course, tries, today))
+    # A teacher may have put somebody on a level out of order: the one last tried is looked at.
+    where = next_level(standings(course, tries, today), tries[-1].level)
     if where is None:
         return []
     found: list[str] = []

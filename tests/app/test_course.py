@@ -284,12 +284,16 @@ def test_who_needs_help_is_told_with_the_reasons() -> None:
     stuck = [tried(False, seed, seed, incidents=(cut,)) for seed in (1, 2, 3, 4)]
     other = [tried(True, seed, seed) for seed in (1, 2)]
     gone = [tried(True, 1, -20)]
+    ahead = [tried(False, seed, seed, "front", (cut,)) for seed in (1, 2, 3)]  # by the teacher
     found = needs(
-        small(), {"gone": gone, "fine": other, "stuck": stuck, "new": []}, START + timedelta(days=5)
+        small(),
+        {"gone": gone, "fine": other, "stuck": stuck, "new": [], "ahead": ahead},
+        START + timedelta(days=5),
     )
     assert next(iter(found)) == "stuck"
     assert found["stuck"][0] == "4 tries in a row failed for one cause: held ahead of the front."
     assert "4 of 4 tries at 'Open' did not pass" in found["stuck"][1]
+    assert found["ahead"][0] == "3 tries in a row failed for one cause: held ahead of the front."
     assert found["gone"] == ["No try for 25 days."]
     assert found["fine"] == found["new"] == []
     many = [tried(number % 2 == 0, 1 + number % 5, 4) for number in range(7)]
