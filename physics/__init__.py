@@ -26,7 +26,7 @@ from physics.tear_growth import (
     tear_under_grip,
     torn_beam,
 )
-from physics.theory import THEORIES, LawName, Theory, law_named, theory_named
+from physics.theory import THEORIES, LawName, Theory, law_named, theory_named, theory_words
 from physics.varying_beam import VaryingBeam
 
 __all__ = [
@@ -72,5 +72,6 @@ __all__ = [
     "tear_under_force",
     "tear_under_grip",
     "theory_named",
+    "theory_words",
     "torn_beam",
 ]

@@ -11,7 +11,7 @@ from physics.mass_spring import MassSpring
 from physics.pull import Pull
 from physics.taut_string import TautString
 
-__all__ = ["THEORIES", "LawName", "Theory", "law_named", "theory_named"]
+__all__ = ["THEORIES", "LawName", "Theory", "law_named", "theory_named", "theory_words"]
 
 LawName = Literal["linear", "neo-hooke", "exponential"]
 """Laws of a wall, as they are called on the command line and in files."""
@@ -74,3 +74,8 @@ def law_named(name: str, *, shear: bool = True, stiffening: float | None = None)
     if stiffening is not None:
         return Exponential(stiffening)
     return NeoHooke() if name == "neo-hooke" else Linear(shear=shear)
+
+
+def theory_words(theory: Theory) -> str:
+    """Return a theory's name with its options."""
+    return ", ".join([theory.name, *(f"{key} {v}" for key, v in theory.options.items())])

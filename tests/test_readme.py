@@ -78,7 +78,7 @@ def test_peel_s_python_example_gives_its_figures(
 ) -> None:
     """And the figures are those that `solve --bed` prints of the same pull."""
     monkeypatch.chdir(tmp_path)
-    (example,) = blocks((ROOT / "docs" / "peel.md").read_text(), "python")
+    example, _ = blocks((ROOT / "docs" / "peel.md").read_text(), "python")
     names: dict[str, object] = {}
     exec(example, names)
     history = names["history"]

@@ -17,7 +17,6 @@ from app.command_line.load import (
     TheoryName,
     chosen_theory,
     duct_of,
-    theory_words,
 )
 from app.command_line.study import need
 
@@ -144,6 +143,8 @@ def fit(
     else:
         if modulus is not None:
             raise ValueError("--modulus goes with --bed; a pull's modulus is sought")
+        from physics import theory_words
+
         chosen = chosen_theory(theory, q=q, shear=shear, law=law)
         result, lines, residuals = _pull_result(
             pulls,
@@ -216,6 +217,7 @@ def _pull_result(
     output: Path | None,
 ) -> Result:
     from app.study.fit import fit_pulls
+    from physics import theory_words
 
     fitted = fit_pulls(pulls, theory, free_ratio=free)
     words = theory_words(theory)

@@ -55,7 +55,6 @@ __all__ = [
     "organ_from",
     "shipped_organ",
     "specimen_from",
-    "theory_words",
     "with_law",
 ]
 
@@ -135,8 +134,3 @@ def _law_name(law: str) -> "LawName":
         if law == name:
             return name
     raise ValueError(f"--law must be {' or '.join(get_args(LawName))}, not {law}")
-
-
-def theory_words(theory: "Theory") -> str:
-    """Return a theory's name with its options."""
-    return ", ".join([theory.name, *(f"{key} {v}" for key, v in theory.options.items())])

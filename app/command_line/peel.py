@@ -10,7 +10,6 @@ from app.command_line.answer import AsJson, answer
 
 if TYPE_CHECKING:
     from physics.bed import History
-    from physics.bed.pull import TubeHistory
 
 __all__ = ["peel", "report_history"]
 
@@ -73,6 +72,7 @@ def report_history(
         result["distance_to_break_percent"] = last["distance_to_break_percent"]
         worst = int(stress.argmax())
         result["least_distance_to_break_percent"] = 100.0 * (1.0 - float(stress[worst]) / threshold)
+    broken = f"{history.broken[-1]} of {history.damage.size}"
     lines: list[tuple[str, str]] = [("steps", str(history.steps))]
     if history.hands.shape[1]:
         size = np.sqrt((history.forces[:, 0] ** 2).sum(axis=1))
@@ -83,7 +83,7 @@ def report_history(
             ("largest force", f"{np.nanmax(size):.6g} N, in step {int(np.nanargmax(size)) + 1}"),
         ]
     lines += [
-        ("freed", f"{history.freed[-1]:.6g} mm, {history.broken[-1]} strands broken"),
+        ("freed", f"{history.freed[-1]:.6g} mm, {broken} strands broken"),
         ("work", f"{history.work[-1]:.6g} mJ"),
         ("stored", f"{history.stored[-1]:.6g} mJ"),
         ("dissipated", f"{history.dissipated[-1]:.6g} mJ"),
@@ -104,14 +104,17 @@ def report_history(
         ]
     for tube in history.tubes:
         torn = ", ".join(f"torn at {at:.4g} mm in step {step + 1}" for step, at in tube.torn)
-        now = _highest(tube, -1, tube.strength) if tube.strength < math.inf else ""
-        words = torn or f"{tube.freed[-1]:.6g} mm freed{'; ' * bool(now)}{now}"
+        words = torn or f"{tube.freed[-1]:.6g} mm freed"
+        if tube.strength < math.inf and not torn:
+            left = tube.row(-1)
+            words += f"; distance to break {left['distance_to_break_percent']:.2f} %, "
+            words += f"at {left['highest_at_mm']:.6g} mm"
         lines.append((f"tube {tube.name}", words))
     lines += [("note", each) for each in history.notes]
     answer(result, lines, as_json=as_json)
 
 
-def _highest(found: "History | TubeHistory", step: int, threshold: float) -> str:
+def _highest(found: "History", step: int, threshold: float) -> str:
     """Return where the highest stress is after a step, and its part of the threshold."""
     assert found.stress is not None  # noqa: S101 (of a wall)
     assert found.highest_at is not None  # noqa: S101

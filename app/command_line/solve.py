@@ -20,7 +20,6 @@ from app.command_line.load import (
     chosen_theory,
     duct_of,
     specimen_from,
-    theory_words,
     with_law,
 )
 from app.command_line.load_cases import LOADS, solve_load_case
@@ -231,7 +230,7 @@ def _pull_across(
     deflection: float | None,
 ) -> tuple[dict[str, object], list[tuple[str, str]]]:
     """Solve a pull across a duct; return what came of it, by key and in words."""
-    from physics import break_of, check_rupture, critical_stations
+    from physics import break_of, check_rupture, critical_stations, theory_words
 
     if (force is None) == (deflection is None):
         raise ValueError("give either --force (N) or --deflection (mm)")

@@ -24,7 +24,14 @@ from app.simulation import (
     tear_swing,
 )
 from organ_geometry.mesh import Surface, TornPiece, organ_skin
-from physics import BreakEvent, Theory, break_of, check_rupture, critical_stations
+from physics import (
+    BreakEvent,
+    Theory,
+    break_of,
+    check_rupture,
+    critical_stations,
+    theory_words,
+)
 
 __all__ = ["PullExport"]
 
@@ -251,6 +258,7 @@ class PullExport(OrganExport):
     def summary(self, force: float | None) -> str:
         """Return the theory and the force at the end, by default a motion's."""
         force = self.last_force() if force is None else force
-        if self.torn:
-            return f"{self.theory.name} beam, torn at {force:.4g} N"
-        return f"{self.theory.name} beam, pulled with {force:.4g} N" if force else "at rest"
+        if not force:
+            return "at rest"
+        pulled = "torn at" if self.torn else "pulled with"
+        return f"theory {theory_words(self.theory)}; {pulled} {force:.4g} N"

@@ -324,9 +324,11 @@ def _summary(
             few, half = at["0.05"]["load"], at["0.5"]["load"]
             if half is None:
                 fraction = cell[name]["broke"] / max(cell["ducts"], 1)
-                lines.append(
-                    f"{where}{100.0 * fraction:.1f} % of {one}s break at all ({WORDS[name]})."
+                limit = (
+                    "before the pull ends" if plan.has_bed or plan.has_anatomy else "at any load"
                 )
+                line = f"{where}{100.0 * fraction:.1f} % of {one}s break {limit}."
+                lines += [line] * (line not in lines)
                 continue
             most = at["0.95"]["load"]
             up_to = f", 19 in 20 at {most:.4g} {unit}" if most is not None else ""

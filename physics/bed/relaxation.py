@@ -47,5 +47,6 @@ class Relaxation:
         """Raise a `ValueError` if a time is longer than a run, in which it would not be seen."""
         if max(self.times) > seconds:
             raise ValueError(
-                f"a relaxation of {max(self.times):g} s is longer than the run of {seconds:g} s"
+                f"a relaxation of {max(self.times):g} s is longer than the run of {seconds:g} s, "
+                "which would not show it: leave that time out, or take more or longer steps"
             )

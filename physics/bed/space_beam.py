@@ -186,9 +186,23 @@ class SpaceBeam:
         axis: Floats | None = None,
         nodes_at: Sequence[float] = (),
     ) -> "SpaceBeam":
-        """Return a beam of the other theories in space, whose wall has a law as in `Exact`."""
-        # It is equally stiff all round. Along a curved `axis`, which should be as long, sections
-        # are spread in proportion.
+        """Return a beam of the other theories in space, equally stiff all round.
+
+        Parameters
+        ----------
+        beam
+            Sections and material. Its span counts where no `axis` is given; along an axis of
+            another length its sections are spread in proportion.
+        law
+            Of the wall, as in `Exact`.
+        elements, ends, axis, nodes_at
+            As of `from_axis`.
+
+        Returns
+        -------
+        SpaceBeam
+            The beam, with its wall.
+        """
         if not law.shear:
             raise ValueError("a beam in space shears: its law must too, as Linear(shear=True)")
         stations = beam.key_stations

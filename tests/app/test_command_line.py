@@ -187,6 +187,7 @@ def test_export_bends_by_what_solve_says(duct: Path, tmp_path: Path) -> None:
         path = tmp_path / f"duct_{force}.stl"
         done = run("export", duct, "--force", force, "-o", path)
         assert done.returncode == 0, done.stderr
+        assert ("theory cubic, q 0.5; pulled with 2 N" in done.stdout) == (force == 2.0)
         mesh = trimesh.load_mesh(path)
         assert mesh.is_watertight
         middle = np.abs(mesh.vertices[:, 0] - 25.4) < 0.5

@@ -12,6 +12,7 @@ from program import refused, run
 
 from app.bed_preset import bed_presets
 from app.command_line.bed_options import BED_NAMES
+from app.peel import read_scene
 from app.peel.tables import (
     BeamTable,
     BedTable,
@@ -362,6 +363,28 @@ def test_a_network_of_the_docs_is_pulled_and_a_tube_of_it_tears(tmp_path: Path) 
     assert [int(line["branch_tears"]) for line in written] == [len(each) for each in torn]
     assert float(written[-1]["duct_stress_MPa"]) == last["duct"]["stress_MPa"]
     assert "tube branch" in run("peel", tmp_path / "scene.toml").stdout
+
+
+def test_a_network_of_the_docs_in_python_is_that_of_a_scene(tmp_path: Path) -> None:
+    _, example = re.findall(r"```python\n(.*?)```", DOCS, flags=re.DOTALL)
+    names: dict = {}
+    exec(example, names)
+    tubes = NETWORK.partition("[[layer]]")[0]
+    hand = "[[hand]]" + NETWORK.partition("[[hand]]")[2]
+    web = "strands = 60\nstiffness_N_per_mm2 = 0.05\ntoughness_N = 0.03\n"
+    over = '[[layer]]\ntube = "branch"\nto = "duct"\nreach_mm = 12.0\n' + web
+    found = scene(tmp_path, tubes, over, '[[layer]]\ntube = "duct"\n' + web, hand)
+    run_of_scene = read_scene(found).run()
+    history = names["history"]
+    assert history.forces[:, 0].tolist() == run_of_scene.forces[:, 0].tolist()
+    assert run_of_scene.tubes[1].torn[0] == (names["step"], names["place"])
+    # As printed: how many strands there are, and how far a tube is from its break.
+    whole = scene(tmp_path, found.read_text().replace("0, 0, 14", "0, 0, 1"))
+    last = read_scene(whole).run()
+    left = last.tubes[1].row(-1)["distance_to_break_percent"]
+    printed = run("peel", whole).stdout
+    assert f"{last.broken[-1]} of {last.damage.size} strands broken" in printed
+    assert f"distance to break {left:.2f} %" in printed
 
 
 def test_a_tube_of_a_network_is_nicked_before_it_tears(tmp_path: Path) -> None:
