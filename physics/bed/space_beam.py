@@ -202,6 +202,11 @@ class SpaceBeam:
         -------
         SpaceBeam
             The beam, with its wall.
+
+        Raises
+        ------
+        ValueError
+            If the law does not shear.
         """
         if not law.shear:
             raise ValueError("a beam in space shears: its law must too, as Linear(shear=True)")
