@@ -1,11 +1,11 @@
 """The exercises that a duct has, with limits that follow from its own break and from its bed.
 
 A free duct's follow from where it breaks. In a bed good hands (`app.simulation.scripted_hands`) do
-each exercise beforehand, with strands of even strength: what they need, with the kind's `spare` on top, is
-the limit. In the window they hardly load the duct; there the limit is `WINDOW_RATIO` of what pulling it
-off takes. The bed's seed is the first one with which good hands pass. At an anatomy the limit is of
-the blood that they lose until they have stopped a bleeding. Errors fail an exercise too:
-it is not to be passed by what it does not teach.
+each exercise beforehand, with strands of even strength: what they need, with the kind's `spare` on
+top, is the limit. In the window they hardly load the duct; there the limit is `WINDOW_RATIO` of
+what pulling it off takes. The bed's seed is the first one with which good hands pass. At an anatomy
+the limit is of the blood that they lose until they have stopped a bleeding. Errors fail an exercise
+too: it is not to be passed by what it does not teach.
 """
 
 from collections.abc import Sequence
