@@ -117,7 +117,7 @@ class DissectionRecorder:
         """Start on a duct at rest, whose bed may be opened already."""
         duct = self.duct
         self._started = True
-        self._damage = duct.beam.damage.copy()
+        self._whole = duct.beam.damage < 1.0
         self._before = self._broken = duct.broken
         self._note_energies()
         self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
@@ -221,8 +221,8 @@ class DissectionRecorder:
         """Count the strands that parted in this tick: whose they are, whether they were seen."""
         duct, beam = self.duct, self.duct.beam
         damage = beam.damage
-        new = np.flatnonzero((damage >= 1.0) & (self._damage < 1.0))
-        self._damage = damage
+        new = np.flatnonzero((damage >= 1.0) & self._whole)
+        self._whole = damage < 1.0
         ends, arms = beam.strand_ends(new), beam.strand_arms(new)
         seen = (arms * duct.view).sum(axis=1) > 0.0
         nearest = np.full(new.size, np.inf)
@@ -333,7 +333,7 @@ class DissectionRecorder:
             time_s=self.ticks * TICK_SECONDS,
             freed_mm=self.freed,
             longest_freed_stretch_mm=max((b - a for a, b in self.stretches), default=0.0),
-            strands=self._damage.size - self._before,
+            strands=self._whole.size - self._before,
             strands_broken=self._broken - self._before,
             strands_broken_by_hand=(self._by_hand[0], self._by_hand[1]),
             strands_broken_by_instrument=self._broken_by_rods,

@@ -59,7 +59,7 @@ class _Watch:
         self.stand(hand)
         self.pull = [0.0, 0.0, 0.0]
         self.leaning = self.unseen = 0  # ticks
-        self.recent_holds: deque[tuple[int, float]] = deque()
+        self.recent_holds: list[tuple[int, float]] = []
         self.held_at = self.highest = self.most = 0.0
         self.front_away: float | None = None
         self.judged = True
@@ -75,9 +75,9 @@ class _Watch:
     def forget_sweep(self) -> None:
         """Start anew with what jaws do that stay closed."""
         # Strands that have parted on jaws that do not open: tick, how many.
-        self.events: deque[tuple[int, int]] = deque()
+        self.events: list[tuple[int, int]] = []
         self.events_start = (0.0, 0.0, 0.0)
-        self.turns: deque[int] = deque()
+        self.turns: list[int] = []
         self.presses = deque([0.0] * PULL_TICKS, maxlen=PULL_TICKS)  # N
         self.extremes = [self.places[-1][axis] for axis in range(3)]
         self.heading = [0, 0, 0]  # along each axis: 1 or -1, 0 before the first
@@ -473,9 +473,9 @@ class ErrorFinder:
                     watch.turns.append(tick)
                 watch.extremes[axis], watch.heading[axis] = now[axis], 1 if away > 0.0 else -1
         while watch.turns and (tick - watch.turns[0]) * TICK_SECONDS > stir["seconds"]:
-            watch.turns.popleft()
+            watch.turns.pop(0)
         while watch.events and (tick - watch.events[0][0]) * TICK_SECONDS > plough["seconds"]:
-            watch.events.popleft()
+            watch.events.pop(0)
         if not parted:
             return
         # Jaws open where they part farther than their tip moves.
@@ -515,7 +515,7 @@ class ErrorFinder:
             holds.clear()
         holds.append((tick, at))
         while (tick - holds[0][0]) * TICK_SECONDS > limits["seconds"]:
-            holds.popleft()
+            holds.pop(0)
         if len(holds) >= limits["holds"]:
             self.incidents.note("repeated_holds", i, at, len(holds), n=float(len(holds)), x=at)
 

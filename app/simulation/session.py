@@ -130,11 +130,23 @@ class Session:
         self._broken_by_touch, self._grip = broken_by_touch, grip_N
         self.lock = RLock()  # to be held while what belongs together is read piece by piece
         self._organ, self._vertices = specimen.organ, vertices
-        self.drawn = DrawnDuct(specimen.organ, vertices, seed)
         self._tries: deque[tuple[RunFile, list[Incident]]] = deque(maxlen=MOST_TRIES)
         self.tissue = self._tissue_of(specimen)
-        self.drawn.follow(self.tissue.dissection)
+        self._drawn = self._surfaces() if watched else None
         self._start_run()
+
+    @property
+    def drawn(self) -> DrawnDuct:
+        """Its surfaces, made when first asked for where nobody watches."""
+        with self.lock:
+            if self._drawn is None:
+                self._drawn = self._surfaces()
+            return self._drawn
+
+    def _surfaces(self) -> DrawnDuct:
+        drawn = DrawnDuct(self._organ, self._vertices, self.seed)
+        drawn.follow(self.tissue.dissection)
+        return drawn
 
     @property
     def specimen(self) -> Specimen:
@@ -406,7 +418,7 @@ class Session:
         def start() -> None:
             with self.lock:
                 drawn.shape = self.drawn.shape
-                self._organ, self.drawn = organ, drawn
+                self._organ, self._drawn = organ, drawn
                 # The theory may have been changed meanwhile.
                 theory = self.specimen.theory
                 self._set(
@@ -668,7 +680,8 @@ class Session:
     def _set(self, tissue: Tissue) -> None:
         """Start anew with a tissue; a ghost and a chain beside the one before go on beside it."""
         before, self.tissue = self.tissue, tissue
-        self.drawn.follow(tissue.dissection)
+        if self._drawn is not None:
+            self._drawn.follow(tissue.dissection)
         if tissue.in_plane is not None and before.in_plane is not None:
             tissue.in_plane.compare_as(before.in_plane, self.drawn.skin)
         self._new_run()

@@ -85,9 +85,9 @@ class Incidents:
             }
             for each in ERROR_CLASSES.values()
         }
-        self.watched = {
-            each.key for each in ERROR_CLASSES.values() if not each.if_named or each.key in named
-        }
+        self._ignored = tuple(
+            each.key for each in ERROR_CLASSES.values() if each.if_named and each.key not in named
+        )
         self.number: dict[str, int] = {}
         self.tick = 0
         self._all: list[_Open] = []
@@ -109,7 +109,7 @@ class Incidents:
 
         `parted` strands are added up over the incident, as the value n.
         """
-        if error not in self.watched:
+        if error in self._ignored:
             return
         found = self._open.get((error, hand, tube))
         if found is None or self.tick - found.end > CLOSED_TICKS:
