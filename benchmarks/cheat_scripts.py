@@ -279,6 +279,13 @@ def band_middle(hands: Hands) -> float:
     return 0.5 * sum(band)
 
 
+def raise_to(hands: Hands, far: float, speed: float) -> Iterator[None]:
+    """Lift a free duct, mm from its rest, at a speed, mm/s."""
+    for reached in steps(far, speed):
+        hands.lift(reached)
+        yield
+
+
 def jump_to(part: float) -> Make:
     """Throw the duct to a part of what is asked for, and then into it."""
 
@@ -286,9 +293,7 @@ def jump_to(part: float) -> Make:
         middle = band_middle(hands)
         hands.grab(0, hands.task_grasp)
         for _ in range(6):
-            for reached in steps(part * middle, speed):
-                hands.lift(reached)
-                yield
+            yield from raise_to(hands, part * middle, speed)
             hands.lift(middle)
             yield from wait(4.0)
             hands.lift(0.0)
@@ -303,9 +308,7 @@ def shake(far: float) -> Make:
     def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         middle = band_middle(hands)
         hands.grab(0, hands.task_grasp)
-        for reached in steps(middle, 5.0):
-            hands.lift(reached)
-            yield
+        yield from raise_to(hands, middle, 5.0)
         for tick in range(600):
             hands.lift(middle * (1.0 + far * math.sin(speed * tick)))
             yield
@@ -318,9 +321,7 @@ def spring_back(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None
     middle = band_middle(hands)
     for _ in range(5):
         hands.grab(0, hands.task_grasp)
-        for reached in steps(middle, speed):
-            hands.lift(reached)
-            yield
+        yield from raise_to(hands, middle, speed)
         yield from wait(1.5)
         hands.release()
         yield from wait(0.5)
@@ -331,9 +332,7 @@ def hold_in_turns(hands: Hands, exercise: Exercise, speed: float) -> Iterator[No
     middle = band_middle(hands)
     for _ in range(30):
         hands.grab(0, hands.task_grasp)
-        for reached in steps(middle, speed):
-            hands.lift(reached)
-            yield
+        yield from raise_to(hands, middle, speed)
         hands.release()
         yield
 

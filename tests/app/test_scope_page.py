@@ -164,13 +164,14 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
             )
         tab.page.get_by_role("tab", name="Train").click()
         # A notch of the wheel is a small step, one that follows quickly a large one.
-        start = float(view.session.spatial.hands[0].place @ page.camera.axes[:, 2])
+        # Along the view that there was: the assistant may turn it meanwhile.
+        start, back = view.session.spatial.hands[0].place.copy(), page.camera.axes[:, 2].copy()
         tab.page.evaluate(NOTCHES, 3)
 
         def gone() -> float:
-            return start - float(view.session.spatial.hands[0].place @ page.camera.axes[:, 2])
+            return float((start - view.session.spatial.hands[0].place) @ back)
 
-        tab.wait_until(lambda: abs(gone() - 10.5) < 0.5, 30.0)
+        tab.wait_until(lambda: abs(gone() - 10.5) < 0.5)
         # The oblique scope looks from where its algebra says.
         tab.page.keyboard.press("z")
         tab.wait_until(lambda: page.camera.shaft @ page.camera.axes[:, 2] > -0.9)
