@@ -19,6 +19,7 @@ from app.simulation import (
     Feedback,
     Incident,
     Metrics,
+    cause_of,
     renamed_metrics,
 )
 
@@ -26,7 +27,6 @@ __all__ = [
     "LearningCurve",
     "LevelStanding",
     "Try",
-    "cause_of",
     "learning_curve",
     "needs",
     "next_level",
@@ -37,8 +37,6 @@ __all__ = [
 
 CLOSED_SECONDS = 0.4
 """s after its last tick for which an incident counts as going on (`app.simulation.errors`)."""
-CAUSE_SECONDS = 1.0
-"""s before a failure in which an incident is its cause."""
 SAME_CAUSE, IDLE_DAYS, MANY_TIMES = 3, 7, 2.0
 """Tries in a row that fail for one cause, days without a run, and tries over the class's median,
 from which on somebody is said to need help."""
@@ -81,8 +79,9 @@ class Try(msgspec.Struct, frozen=True):
 
     @property
     def cause(self) -> str:
-        """The error class that the failure is put down to: of the last second, by their order."""
-        return "" if self.passed else cause_of(self.incidents, self.seconds)
+        """The error class that the failure is put down to (`cause_of`), or nothing."""
+        cause = None if self.passed else cause_of(self.incidents, self.seconds)
+        return "" if cause is None else cause.error
 
     @property
     def torn(self) -> bool:
@@ -104,17 +103,6 @@ class Try(msgspec.Struct, frozen=True):
     def value(self, metric: str) -> float:
         """Return a metric of it, or how many incidents it has."""
         return float(len(self.incidents) if metric == INCIDENTS else self.metrics[metric])
-
-
-def cause_of(incidents: Iterable[Incident], seconds: float) -> str:
-    """Return the error class that a failure at a time is put down to, or nothing."""
-    rank = list(ERROR_CLASSES)
-    recent = [
-        each.error
-        for each in incidents
-        if each.error != "tear" and seconds - each.end_s <= CAUSE_SECONDS
-    ]
-    return min(recent, key=rank.index, default="")
 
 
 class LevelStanding(msgspec.Struct, frozen=True):

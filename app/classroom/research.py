@@ -24,7 +24,6 @@ from app.bounded_file import read_bounded
 from app.classroom.class_course import ClassCourse
 from app.classroom.exercise_file import GOALS
 from app.classroom.photograph import kind_of
-from app.classroom.progress import cause_of
 from app.classroom.results import Result, flat_measures, results, shown_names
 from app.classroom.store import ClassStore, RunRecord
 from app.classroom.xapi import run_statements
@@ -327,7 +326,7 @@ def _attempts(
             "day": since.days,
             "outcome": {True: "passed", False: "failed", None: "given up"}[run.passed],
             "critical_view_by_teacher": ratings.get(each.run.id),
-            "cause": "" if run.passed else cause_of(found, each.seconds),
+            "cause": each.cause,
             "incidents": len(found),
             "consequential": sum(one.consequence != "none" for one in found),
             "torn": int(each.measures.get("tear") is not None),

@@ -11,9 +11,8 @@ from typing import Any, Literal, cast
 import msgspec
 
 from app.classroom.exercise_file import AssignedExercise
-from app.classroom.progress import cause_of
 from app.classroom.store import ClassStore, Person, RunRecord
-from app.simulation import ERROR_CLASSES, Incident, renamed_metrics
+from app.simulation import ERROR_CLASSES, Incident, cause_of, renamed_metrics
 
 __all__ = [
     "Result",
@@ -59,12 +58,17 @@ class Result:
         return "given up" if in_class else "free"
 
     @property
+    def cause(self) -> str:
+        """The error class that a try which was not passed is put down to, or nothing."""
+        incidents = msgspec.json.decode(self.run.incidents or "[]", type=list[Incident])
+        cause = None if self.run.passed else cause_of(incidents, self.seconds)
+        return "" if cause is None else cause.error
+
+    @property
     def why(self) -> str:
         """What a try failed by, in a few words: an error, a limit, the time."""
-        incidents = msgspec.json.decode(self.run.incidents or "[]", type=list[Incident])
-        cause = cause_of(incidents, self.seconds)
-        if cause:
-            return ERROR_CLASSES[cause].title.lower()
+        if self.cause:
+            return ERROR_CLASSES[self.cause].title.lower()
         return "time" if " were over" in self.run.reason else "a limit"
 
     @property

@@ -10,7 +10,14 @@ from app.simulation.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.critical_view import MOST_POINTS, CriticalView, Tenting
 from app.simulation.dissection import PIECES, Dissection, default_preset, fits, organ_beam
 from app.simulation.drawn_duct import Stresses, SurfaceStress
-from app.simulation.errors import ERROR_CLASSES, MODES, Conditions, ErrorClass, Incident
+from app.simulation.errors import (
+    ERROR_CLASSES,
+    MODES,
+    Conditions,
+    ErrorClass,
+    Incident,
+    cause_of,
+)
 from app.simulation.exercise import (
     Exercise,
     ExerciseInputs,
@@ -206,6 +213,7 @@ __all__ = [
     "anatomy_or_name",
     "bed_named",
     "bed_presets",
+    "cause_of",
     "chosen_preset",
     "default_preset",
     "exercise_at",

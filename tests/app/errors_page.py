@@ -44,7 +44,8 @@ Its mode is one of OCHRA's external error modes. Its consequence is measured up 
 An incident names its tube where there are several. An exercise names the classes that fail it,
 with the most incidents that do not; a teacher's exercise file may change them (`[errors]`,
 [class](class.md)). Where a limit fails it, the verdict names the incident of the last second that
-stands first below. In the trainer's own exercises no incident is allowed of these:
+stands first below; a result of others only if none began before it. In the trainer's own
+exercises no incident is allowed of these:
 
 | exercise | classes that fail it |
 |---|---|
@@ -110,6 +111,7 @@ def _row(each: ErrorClass, tissue: Conditions) -> str:
     happened = re.sub(r"\{\w+(:[^}]*)?\}", "...", each.happened)
     instead = re.sub(r"\{\w+(:[^}]*)?\}", "...", each.instead)
     only = " Only in an exercise that names it." if each.if_named else ""
+    only += " A result of others." * each.is_result
     values = "".join(
         f"<br>{p.key} = " + f"{p.of(tissue):.3g} {p.unit}".rstrip() + f" ({p.why})"
         for p in each.parameters

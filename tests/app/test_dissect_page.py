@@ -575,6 +575,8 @@ def test_the_next_try_is_told_by_the_error_of_most_tries_else_by_the_limit() -> 
         "That was an error in 2 of 3 tries."
     )
     assert next_time(exercise, failed, metrics, [[], [lean]]) == "Pull away from the bed."
+    slip = error("hold_slipped", 1.0)  # a result, which stands before them in the table
+    assert next_time(exercise, failed, metrics, [[slip, lean]]) == "Pull away from the bed."
     alone = next_time(exercise, failed, metrics, [[error("tear", 3.0)]])
     assert re.fullmatch(r"The wall never past \d+ % of its break\.", alone)
     in_time = next_time(exercise, failed, {}, [[]])

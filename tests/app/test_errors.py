@@ -25,8 +25,9 @@ from app.simulation import (
     Specimen,
 )
 from app.simulation.attempt import Attempt
+from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection_measures import DissectionRecorder
-from app.simulation.errors import CLOSED_AFTER, Conditions, Incidents
+from app.simulation.errors import CLOSED_AFTER, Conditions, Incidents, cause_of
 from benchmarks.cheat_scripts import CHEATS, Cheat
 from benchmarks.faults import FAULTS, Fault, done, exercises, good, patient_plough
 
@@ -121,6 +122,32 @@ def test_the_cause_is_the_first_of_the_table_in_the_last_second() -> None:
     assert cause.sentence.endswith("Take hold at the front, at 21 mm.")
     incidents.tick = 91
     assert incidents.cause() is None
+
+
+@pytest.mark.parametrize("result", ["hold_slipped", "nick"])
+def test_what_comes_of_an_error_is_not_its_cause(result: str) -> None:
+    """A slip stands before a fast pull in the table, and is named where nothing led to it."""
+    assert ERROR_CLASSES[result].is_result
+    for first, later, named in (
+        ("fast_pull", result, "fast_pull"),
+        (result, "fast_pull", min(result, "fast_pull", key=list(ERROR_CLASSES).index)),
+        (result, None, result),
+    ):
+        incidents = Incidents(TISSUE, {})
+        for tick, error in ((60, first), (70, later)):
+            incidents.tick = tick
+            if error is not None:
+                incidents.note(error, 0, 12.0)
+        cause = incidents.cause()
+        assert cause is not None
+        assert cause.error == named
+        assert cause_of(incidents.all(), 70 * TICK_SECONDS) == cause, "a class's page takes this"
+    incidents = Incidents(TISSUE, {})
+    incidents.note("fast_pull", 0, 12.0)
+    incidents.note(result, 0, 12.0)
+    cause = incidents.cause()
+    assert cause is not None
+    assert cause.error == "fast_pull", "both in one tick"
 
 
 def test_a_class_that_only_an_exercise_makes_an_error_is_named_by_it() -> None:

@@ -8,7 +8,7 @@ from app.simulation.errors.classes import (
     ErrorClass,
     Parameter,
 )
-from app.simulation.errors.incidents import Consequence, Incident, Incidents
+from app.simulation.errors.incidents import Consequence, Incident, Incidents, cause_of
 
 __all__ = [
     "CLOSED_AFTER",
@@ -20,4 +20,5 @@ __all__ = [
     "Incident",
     "Incidents",
     "Parameter",
+    "cause_of",
 ]

@@ -69,6 +69,7 @@ class ErrorClass(NamedTuple):
     instead: str
     parameters: tuple[Parameter, ...] = ()
     if_named: bool = False  # whether it is one only in an exercise that names it
+    is_result: bool = False  # whether it comes of another error, if one began before it
 
 
 def _blind_speed(tissue: Conditions) -> float:
@@ -276,6 +277,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             f"{GRIP_N:g} N (3); a hook does not let it slip",
             "at {t:.1f} s {what} slipped out of the grasper at {x:.0f} mm, at {f:.1f} N",
             "Take a better bite and pull less, or free it first.",
+            is_result=True,
         ),
         ErrorClass(
             "one_go", "Pulled on in one go", 3,
@@ -429,6 +431,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "blood flows out of a tube",
             "at {t:.1f} s the {name} began to bleed and lost {ml:.1f} ml in {s:.0f} s",
             "Press on it first, then look, and then close it.",
+            is_result=True,
         ),
         ErrorClass(
             "nick", "Wall nicked", 7,
@@ -438,13 +441,15 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "mm{leak}",
             "Ease the pull as soon as the wall gives, and hold it elsewhere: at three quarters it "
             "parts.",
+            is_result=True,
         ),
         ErrorClass(
             "tear", "A tube tore", 7,
             "the stress in the wall of a duct or of another tube has reached its threshold",
             "at {t:.1f} s the {name} tore at {x:.0f} mm",
             "Stay below the break: watch the distance to it.",
+            is_result=True,
         ),
     )
 }  # fmt: skip
-"""All classes by key, the order being that in which they are taken for the cause of a failure."""
+"""All classes by key, the order being that in which `cause_of` takes them for a failure's cause."""

@@ -1,7 +1,7 @@
 """Incidents: errors that were made in a run, found tick by tick, and what came of each."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Literal
 
 import msgspec
@@ -9,7 +9,7 @@ import msgspec
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.errors.classes import CLOSED_AFTER, ERROR_CLASSES, Conditions
 
-__all__ = ["Consequence", "Incident", "Incidents", "Values"]
+__all__ = ["Consequence", "Incident", "Incidents", "Values", "cause_of"]
 
 Consequence = Literal["none", "near miss", "minor", "injury"]
 """Measured, up to 1 s after an incident. Near miss: the stress passed the exercise's limit, or the
@@ -49,6 +49,28 @@ class Incident(msgspec.Struct, frozen=True):
     def advice(self) -> str:
         """The same, as it follows a colon."""
         return f"{self.happened}. {ERROR_CLASSES[self.error].instead.format(**self.values)}"
+
+
+def cause_of(incidents: Iterable[Incident], seconds: float) -> Incident | None:
+    """Return what a failure at a time, s, is put down to.
+
+    Returns
+    -------
+    Incident | None
+        Of the last second, the first by the order of `ERROR_CLASSES`; one that is a result only
+        where no other error began before it or with it. A tear explains nothing.
+    """
+    recent = [
+        each
+        for each in incidents
+        if each.error != "tear" and round((seconds - each.end_s) / TICK_SECONDS) <= FOLLOWED_TICKS
+    ]
+    acts = (each.start_s for each in recent if not ERROR_CLASSES[each.error].is_result)
+    first, rank = min(acts, default=math.inf), list(ERROR_CLASSES)
+    causes = [
+        each for each in recent if each.start_s < first or not ERROR_CLASSES[each.error].is_result
+    ]
+    return min(causes, key=lambda each: rank.index(each.error), default=None)
 
 
 class _Open:
@@ -141,12 +163,7 @@ class Incidents:
 
     def cause(self) -> Incident | None:
         """Return what a failure in this tick is put down to: an incident of the last second."""
-        rank = list(ERROR_CLASSES)
-        recent = [each for each in self._all if self.tick - each.end <= FOLLOWED_TICKS]
-        recent = [each for each in recent if each.error != "tear"]
-        if not recent:
-            return None
-        return self._incident(min(recent, key=lambda each: rank.index(each.error)))
+        return cause_of(self.all(), self.tick * TICK_SECONDS)
 
     def last_of(self, error: str) -> Incident:
         """Return the last incident of a class of which there is one."""

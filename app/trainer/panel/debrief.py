@@ -79,10 +79,10 @@ def next_time(
     """
     errors = [each for one in tries for each in one if each.error != "tear"]
     if errors:
-        # The error of most tries; of those the one that is a failure's cause before others.
+        # The error of most tries; of those what was done, not what came of it, by their order.
         often = Counter(key for one in tries for key in {each.error for each in one})
         del often["tear"]
-        rank = list(ERROR_CLASSES)
+        rank = sorted(ERROR_CLASSES, key=lambda each: ERROR_CLASSES[each].is_result)
         key = min(often, key=lambda each: (-often[each], rank.index(each)))
         last = next(each for each in reversed(errors) if each.error == key)
         instead = ERROR_CLASSES[key].instead.format(**last.values)
