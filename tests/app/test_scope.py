@@ -19,6 +19,7 @@ from app.anatomy import (
     tube_title,
 )
 from app.simulation import (
+    FIELD_OF_VIEW,
     TICK_SECONDS,
     TROCARS,
     Dissection,
@@ -123,10 +124,37 @@ def test_the_assistant_follows_tips_and_never_jumps() -> None:
         assert np.linalg.norm(moved) < 2.5 * SPEED / 30
         assert held.roll(pose) == pytest.approx(0.0, abs=1e-9)
         before = camera
-    assert max(before.seen(tip)[0] for tip in tips) < INNER + 0.1
-    # Tips in the inner part leave the scope where it is.
-    middle, still = before.tip - HOME * before.axes[:, 2], assistant.pose
-    assert assistant.follow([middle, middle], 1 / 30) == still
+    assert max(before.seen(tip)[0] for tip in tips) == pytest.approx(INNER, abs=1e-3)
+
+
+@given(st.floats(0.0, 0.99 * INNER), st.floats(0.0, 2.0 * math.pi), st.floats(-9.0, 9.0))
+@settings(deadline=None, max_examples=50)
+def test_the_picture_stands_still_under_a_drag_in_its_inner_part(
+    off: float, angle: float, deeper: float
+) -> None:
+    """Wherever both tips are there, deeper or nearer, the assistant does not move."""
+    held, wide = scope(), math.tan(0.5 * FIELD_OF_VIEW)
+    assistant = Assistant(held, Pose(depth=OUTSIDE - HOME), TARGET, HOME)
+    still, camera = assistant.pose, held.camera(assistant.pose)
+    out = off * wide * np.array([math.cos(angle), math.sin(angle), 0.0])
+    tips = [
+        camera.tip + (HOME + far) * (camera.axes @ (side * out - [0.0, 0.0, 1.0]))
+        for side, far in ((1.0, deeper), (-1.0, 0.0))
+    ]
+    assert assistant.follow(tips, 1 / 30) == still
+
+
+def test_tips_at_opposite_edges_are_both_kept_in_view() -> None:
+    """The scope is drawn back, no more than they need, and rests."""
+    held = scope()
+    assistant = Assistant(held, Pose(depth=OUTSIDE - HOME), TARGET, HOME)
+    right = held.camera(assistant.pose).axes[:, 0]
+    tips = [TARGET + 36.0 * right, TARGET - 36.0 * right]
+    cameras = [held.camera(assistant.follow(tips, 1 / 30)) for _ in range(1500)]
+    seen = [max(each.seen(tip)[0] for tip in tips) for each in cameras]
+    assert seen == sorted(seen, reverse=True), "never to and fro"
+    assert seen[-1] == pytest.approx(INNER, abs=1e-3)
+    assert cameras[-1].seen(TARGET)[0] == pytest.approx(0.0, abs=1e-6)
 
 
 @given(st.floats(-60, 60), st.floats(-60, 60), st.floats(-20, 40), st.sampled_from(TROCARS))

@@ -12,50 +12,46 @@ __all__ = ["Assistant"]
 
 Floats = NDArray[np.float64]
 
-INNER = 0.55
-"""Part of the picture, from its middle, within which tips move without the scope following."""
-NEAREST, FARTHEST = 42.0, 95.0
-"""Distances at which the assistant holds what is worked at, mm."""
-SPEED, RATE = 28.0, 2.2
-"""mm/s at most, and 1/s, at which the place that is looked at follows the tips."""
+INNER = 0.75
+"""Part of the picture, from its middle, within which tips move and the picture stands still."""
+FARTHEST = 95.0
+"""Distance at which the assistant holds what is worked at, at most, mm."""
+SPEED, RATE = 28.0, 4.0
+"""mm/s at most, and 1/s, at which the scope goes after tips that leave the inner part."""
+ROOM = 2.4
+"""Distance over that of a tip from the middle of both, at which they are in the inner part."""
 
 
 class Assistant:
-    """Looks at a place at a distance, and follows tips that leave the middle of the picture."""
+    """Looks at a place at a distance, and goes after tips only as far as they leave the picture.
+
+    So a drag within the inner part is aimed at a picture that stands still.
+    """
 
     def __init__(self, scope: Laparoscope, pose: Pose, target: Floats, distance: float) -> None:
-        self.scope = scope
-        self.aim(pose, target, distance)
-
-    def aim(self, pose: Pose, target: Floats, distance: float) -> None:
-        """Hold the scope so from now on, at once."""
-        self._target, self._distance = np.array(target, dtype=np.float64), float(distance)
-        self.pose = self.scope.look(self._target, self._distance, pose)
+        self.scope, self._target = scope, np.array(target, dtype=np.float64)
+        self._nearest = self._distance = float(distance)
+        self.pose = scope.look(self._target, self._distance, pose)
 
     def follow(self, tips: Sequence[Floats], seconds: float) -> Pose:
         """Return the pose a moment later, s, with tips, (3,) mm each, where they are."""
-        if not tips:
-            return self.pose
         camera = self.scope.camera(self.pose)
-        farthest = max(camera.seen(tip)[0] for tip in tips)
-        middle = np.mean(np.stack(list(tips)), axis=0)
-        if farthest > INNER:
-            # As fast as they leave: at the edge with all speed, at the inner part's not at all.
-            haste = min(1.0, (farthest - INNER) / (1.0 - INNER))
-            self._step(middle, haste, seconds)
+        out = [max(0.0, 1.0 - INNER / max(camera.seen(tip)[0], INNER)) for tip in tips]
+        if any(out):
+            places = np.stack(list(tips))
+            beyond = np.array(out) @ (places - self._target) / np.count_nonzero(out)
+            beyond -= float((beyond * camera.axes[:, 2]).sum()) * camera.axes[:, 2]
+            self._target = self._target + _step(beyond, seconds)
+            middle = np.mean(places, axis=0)
             apart = max(math.sqrt(float(((tip - middle) ** 2).sum())) for tip in tips)
-            wanted = min(max(self._distance, 2.4 * apart), FARTHEST)
-            far = wanted - self._distance
-            most = SPEED * seconds * haste
-            self._distance += min(max(far, -most), most)
-            self._distance = max(self._distance, NEAREST)
+            wanted = min(max(self._nearest, ROOM * apart), FARTHEST)
+            far = max(out) * np.array([wanted - self._distance])
+            self._distance += float(_step(far, seconds)[0])
             self.pose = self.scope.look(self._target, self._distance, self.pose)
         return self.pose
 
-    def _step(self, middle: Floats, haste: float, seconds: float) -> None:
-        offset = middle - self._target
-        far = math.sqrt(float((offset * offset).sum()))
-        if far == 0.0:
-            return
-        step = min(far * min(1.0, RATE * haste * seconds), SPEED * haste * seconds)
-        self._target = self._target + (step / far) * offset
+
+def _step(path: Floats, seconds: float) -> Floats:
+    """Return how much of a path, mm, is gone in a moment, s."""
+    far = math.sqrt(float((path * path).sum()))
+    return path * min(1.0, RATE * seconds, SPEED * seconds / far if far > 0.0 else 1.0)
