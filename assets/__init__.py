@@ -11,6 +11,7 @@ __all__ = [
     "FREQUENCIES",
     "PRESETS",
     "RELAXATIONS",
+    "RUNS",
     "SCRIPTS",
     "TUBE_KINDS",
     "VALIDATION",
@@ -42,6 +43,9 @@ EXPERIMENTS: Path = Path(__file__).parent / "experiments"
 
 SCRIPTS: Path = Path(__file__).parent / "scripts"
 """Folder of scripted hands at anatomies, each in a TOML file."""
+
+RUNS: Path = Path(__file__).parent / "runs"
+"""Folder of recorded runs that *Show me* plays, each compressed JSON."""
 
 FREQUENCIES: Path = Path(__file__).parent / "frequencies.toml"
 """How often the hepatocystic triangle is built how, each figure with its source."""

@@ -65,6 +65,7 @@ from app.simulation.preset import (
 )
 from app.simulation.reached_tube import REACH, near_place, pointed_at, wall_offset
 from app.simulation.reading import FluidReading, NickReading, Reading, Vector
+from app.simulation.recorded_hands import CarefulRun, careful_run, has_careful_run
 from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
 from app.simulation.run import Run
 from app.simulation.run_file import (
@@ -145,6 +146,7 @@ __all__ = [
     "VERTICES",
     "BeamModel",
     "BedPreset",
+    "CarefulRun",
     "Clock",
     "Conditions",
     "CriticalView",
@@ -213,6 +215,7 @@ __all__ = [
     "anatomy_or_name",
     "bed_named",
     "bed_presets",
+    "careful_run",
     "cause_of",
     "chosen_preset",
     "default_preset",
@@ -220,6 +223,7 @@ __all__ = [
     "exercises_offered",
     "fits",
     "free_specimen",
+    "has_careful_run",
     "loading_rates",
     "near_place",
     "organ_beam",

@@ -47,14 +47,17 @@ class Replay:
 
     The session's skin has about `vertices` vertices. A `RunFileError` says that the run was made on
     another organ, or that its preset, bed or theory is not available. What is asked of a replay
-    leaves it where it is.
+    leaves it where it is. `tore` says whether something tears in the run, where that is known: else
+    its length is known once it was gone through.
     """
 
-    def __init__(self, log: RunLog, organ: Organ, *, vertices: int = FEW) -> None:
+    def __init__(
+        self, log: RunLog, organ: Organ, *, vertices: int = FEW, tore: bool | None = None
+    ) -> None:
         self.log = log
         self._session = Session.of_log(log, organ, vertices)
         self._at = self._next = 0
-        self._tore: bool | None = None
+        self._tore = tore
         self._ended: tuple[RunFile, list[Incident]] | None = None
         self._session.restart(log)
 

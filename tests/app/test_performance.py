@@ -12,19 +12,22 @@ from program import refused, run
 from app.anatomy import anatomy_named
 from app.simulation import (
     FEW,
+    CarefulRun,
     Performance,
     Replay,
     Safety,
     Script,
     Session,
     Specimen,
+    careful_run,
     exercises_offered,
+    has_careful_run,
     performed,
     read_run,
     read_script,
     run_json,
 )
-from assets import SCRIPTS
+from assets import RUNS, SCRIPTS
 
 TAKE = """
 [[step]]
@@ -114,6 +117,33 @@ def test_careful_hands_pass_the_critical_view_and_close_both_structures() -> Non
         for _ in range(count)
     ]
     assert session.reading().fluids[0].lost_ml < 1e-3
+    recorded = CarefulRun.read(RUNS / "critical_view.json.xz")
+    assert session.run_file() == recorded.run, "record it again: examples/careful_run.py"
+
+
+def test_the_recorded_careful_run_is_replayed_to_its_result() -> None:
+    """What *Show me* plays at once comes out again: measures, errors, and the view reached."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    exercise = next(each for each in exercises_offered(session) if each.name == "critical_view")
+    session.start_exercise(exercise)
+    recorded = careful_run(session)
+    replay = Replay(recorded.run.log, session.tissue.dissection.organ, tore=False)
+    assert replay.ticks == recorded.run.log.ticks
+    assert replay.run_file() == recorded.run
+    assert replay.incidents() == recorded.incidents
+    assert recorded.run.outcome is not None
+    assert recorded.run.outcome.passed
+    assert recorded.run.log.exercise == exercise
+    assert recorded.run.metrics["critical_view_points"] == 5
+    assert recorded.run.metrics["tear"] is None
+
+
+@pytest.mark.parametrize("name", ["short-cystic", "parallel-low"])
+def test_a_recorded_run_is_shown_at_its_own_anatomy_only(name: str) -> None:
+    session = Session(Specimen.of_anatomy(anatomy_named(name)), vertices=FEW)
+    offered = {each.name: each for each in exercises_offered(session)}
+    assert not has_careful_run(offered["critical_view"])
+    assert not has_careful_run(offered["who_is_who"])
 
 
 @cache

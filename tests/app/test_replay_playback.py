@@ -7,7 +7,7 @@ from threading import Thread
 import pytest
 from simulated import phantom, pull_session
 
-from app.simulation import TICK_SECONDS, Replay, RunFile, Session
+from app.simulation import AFTER_TEAR, TICK_SECONDS, Replay, RunFile, Session
 from app.trainer.client import replay_playback
 from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 
@@ -71,8 +71,31 @@ def test_it_plays_to_its_end_and_from_its_start_again() -> None:
     assert (playback.time, playback.playing) == (0.0, True)
     assert playback.tick(3)
     assert playback.time == pytest.approx(3 * TICK_SECONDS)
+    playback.speed = 4
+    assert playback.tick(3)
+    assert playback.time == pytest.approx(15 * TICK_SECONDS)
     playback.pause()
     assert not playback.tick(3)
+
+
+def test_a_replay_begins_before_the_whole_run_was_computed() -> None:
+    """Its length is known from the file, and its errors come as it goes on, if none are given."""
+    session = pull_session(phantom(), vertices=300)
+    session.set_target_force(2.0 * session.planar.force_limit)
+    session.advance(90)
+    run, made = session.run_file(), session.run.incidents()
+    assert made
+    replay = Replay(run.log, phantom(), tore=True)
+    playback = ReplayPlayback(replay)
+    assert playback.duration == pytest.approx((run.log.ticks + AFTER_TEAR) * TICK_SECONDS)
+    assert playback.session.run.seconds == 0.0
+    assert list(playback.incidents) == []
+    assert ReplayPlayback(replay, made).incidents == made
+    assert playback.tick(0)  # its first picture
+    playback.seek(playback.duration)
+    reached(playback)
+    assert list(playback.incidents) == made
+    assert playback.duration == Replay(run.log, phantom()).duration
 
 
 def test_what_goes_on_live_stays_where_it_was_once_the_other_page_is_gone() -> None:

@@ -15,6 +15,7 @@ from simulated import phantom
 
 from app.simulation import Feedback, exercise_at, performed
 from app.simulation.performance import Script, Step
+from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.scope.pose import Camera
 from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.server.trainer import Trainer
@@ -236,6 +237,32 @@ def test_the_panel_at_an_anatomy_is_for_everyone(
         hand = shown.view.session.spatial.hands[0]
         tab.wait_until(lambda: shown.camera.seen(hand.place)[0] < 0.1)
         page.mouse.up()
+
+
+def test_show_me_plays_the_recorded_critical_view(calot: Trainer, drawing_browser: Browser) -> None:
+    """It begins at its start, and not once its nine minutes have been computed."""
+    with trainer_page(
+        drawing_browser, calot.address, width=900, height=560, first_minute=True,
+        node="/scope/state",
+    ) as tab:  # fmt: skip
+        tab.start()
+        view = _newest(calot, "calot")
+        tab.open("Learn")
+        tab.press("Show me")
+        tab.wait_until(lambda: view.state.playback is not None)
+        playback = view.state.playback
+        assert isinstance(playback, ReplayPlayback)
+        assert playback.time < 0.5 * playback.duration
+        assert playback.duration > 500.0
+        assert playback.session.run.exercise is not None
+        assert playback.session.run.exercise.name == "critical_view"
+        # Its hands work in the picture, as fast as is chosen.
+        tab.choose("Speed", "16×")
+        tab.wait_until(lambda: playback.session.reading().broken > 10)
+        assert playback.speed == 16
+        assert playback.session.spatial.hands[1].instrument == "right angle"
+        tab.press("Leave the replay")
+        tab.wait_until(lambda: view.state.playback is None)
 
 
 def test_structures_are_pointed_at_by_keys_and_mouse_and_photographed(

@@ -1,6 +1,6 @@
 """What the parts of one client's page share: its session, its choices, and what it replays."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -18,6 +18,7 @@ from app.simulation import (
     ExerciseInputs,
     Feedback,
     Hand,
+    Incident,
     Instrument,
     Phase,
     Preset,
@@ -293,14 +294,25 @@ class PageState:
 
     def replay_of(self, run: RunFile, *, vertices: int = VERTICES) -> Replay:
         """Return a replay of a run, whose skin has about so many vertices."""
-        return Replay(run.log, self.session.tissue.dissection.organ, vertices=vertices)
+        organ, tore = self.session.tissue.dissection.organ, run.metrics.get("tear") is not None
+        return Replay(run.log, organ, vertices=vertices, tore=tore)
 
     def run_csv(self, run: RunFile) -> bytes:
         """Return a run tick by tick, as comma-separated values."""
         return self.replay_of(run, vertices=FEW).series().csv().encode()
 
-    def start_replay(self, run: RunFile, at: float = 0.0) -> None:
-        """Replay a run from a time, s, on, in place of the session, which is stopped meanwhile."""
+    def start_replay(
+        self, run: RunFile, at: float = 0.0, incidents: Sequence[Incident] | None = None
+    ) -> None:
+        """Replay a run from a time, s, on, in place of the session, which is stopped meanwhile.
+
+        `incidents` are the run's errors, where they are known.
+
+        Raises
+        ------
+        ValueError
+            If the run is of another duct or anatomy.
+        """
         anatomy = run.log.start.anatomy
         shown = self.session.specimen.anatomy
         if anatomy != (None if shown is None else anatomy_or_name(shown)):
@@ -309,7 +321,7 @@ class PageState:
                 if anatomy is None
                 else f"this run is at {_named(anatomy)}: choose Calot's triangle, and that anatomy"
             )
-        playback = ReplayPlayback(self.replay_of(run))
+        playback = ReplayPlayback(self.replay_of(run), incidents)
         self.release_hand()
         playback.seek(at)
         playback.play()

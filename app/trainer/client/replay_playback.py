@@ -21,15 +21,17 @@ LIVE_TICKS = 3
 class ReplayPlayback:
     """A replayed run. Any thread may ask for a moment; only the clock's `tick` goes there.
 
-    A jump back replays the run from its start, over several ticks if that takes long.
+    A jump back replays the run from its start, over several ticks if that takes long. `incidents`
+    are the run's errors; None if they are to be found as it goes on. `speed` is how many times as
+    fast as the run it plays by itself, as far as there is time to.
     """
 
     title = "Replay"
     live = False
 
-    def __init__(self, replay: Replay) -> None:
-        self._replay = replay
-        self.incidents = replay.incidents()  # of the whole run
+    def __init__(self, replay: Replay, incidents: Sequence[Incident] | None = None) -> None:
+        self._replay, self._incidents = replay, incidents
+        self.speed = 1
         self._last = self._replay.ticks
         self.duration = self._replay.duration  # s, the run and the recoil of the torn pieces
         self.playing = False  # whether it advances by itself
@@ -42,6 +44,11 @@ class ReplayPlayback:
     def session(self) -> Session:
         """The session that is taken through the run; to be read only."""
         return self._replay.session
+
+    @property
+    def incidents(self) -> Sequence[Incident]:
+        """The run's errors, or those until now."""
+        return self.session.run.incidents() if self._incidents is None else self._incidents
 
     @property
     def time(self) -> float:
@@ -79,7 +86,7 @@ class ReplayPlayback:
                 self._moved = True
         elif self.playing and ticks:
             before = self._at
-            self._go_to(min(before + ticks, self._last))
+            self._approach(min(before + ticks * self.speed, self._last))
             self._moved |= self._at != before
             self.playing = self._at < self._last
         moved, self._moved = self._moved, False

@@ -1,24 +1,22 @@
 """Exercises: choose one, read its goal and limit, do it, and see the result."""
 
 import html
-from collections.abc import Callable
 
 import viser
 
 from app.simulation import (
     FEW,
-    MANNERS,
     Exercise,
     Feedback,
-    RunFile,
     Session,
+    careful_run,
     exercises_offered,
-    perform,
+    has_careful_run,
 )
 from app.trainer.client.beside import Role
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import Choice, note, on_click, on_input, set_if_changed
-from app.trainer.panel.result_page import SHOW_ME, show_result
+from app.trainer.panel.result_page import SHOW_ME, Watch, show_result
 
 __all__ = ["ExerciseTab"]
 
@@ -39,9 +37,7 @@ NONE, AWAITED = "None for this duct", "Working out its limits"
 class ExerciseTab:
     """The tab of exercises."""
 
-    def __init__(
-        self, gui: viser.GuiApi, state: PageState, replay: Callable[[RunFile, float], object]
-    ) -> None:
+    def __init__(self, gui: viser.GuiApi, state: PageState, replay: Watch) -> None:
         self._state, self._replay = state, replay
         self._offered: dict[str, Exercise] = {}
         self._key: object = None
@@ -169,7 +165,7 @@ class ExerciseTab:
         """Whether scripted hands can do it now."""
         exercise, run = self._exercise, self._state.session.run
         begun = self._state.in_exercise and run.started
-        return exercise is not None and exercise.name in MANNERS and not begun
+        return exercise is not None and has_careful_run(exercise) and not begun
 
     def _perform(self) -> None:
         """Play a careful performance of the exercise, by scripted hands."""
@@ -181,8 +177,8 @@ class ExerciseTab:
             session = Session(state.session.specimen, vertices=FEW)
             session.set_threshold(state.session.tissue.threshold)
             session.start_exercise(exercise)
-            perform(session, MANNERS[exercise.name]["good"])
-            self._replay(session.run_file(), 0.0)
+            done = careful_run(session)
+            self._replay(done.run, 0.0, done.incidents)
 
         state.attempt("Scripted hands do it.", perform_it)
 

@@ -1,12 +1,12 @@
 """One client's panel: the read-out, tabs for what the tissue in hand offers, and the keys."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
 import viser
 
-from app.simulation import Reading, RunFile, Session
+from app.simulation import Incident, Reading, RunFile, Session
 from app.trainer.client.page_state import NUDGE, PageState
 from app.trainer.client.practice import SceneName
 from app.trainer.panel.build_tab import BuildTab
@@ -124,9 +124,11 @@ class PagePanel:
         """Open the result page of a run; replaying the run for its plots takes a while."""
         show_result(self._state, run, self.replay)
 
-    def replay(self, run: RunFile, at: float = 0.0) -> None:
+    def replay(
+        self, run: RunFile, at: float = 0.0, incidents: Sequence[Incident] | None = None
+    ) -> None:
         """Replay a run from a time, s, on, in the tab of replays."""
-        self._replay.replay(lambda: run, at)
+        self._replay.replay(lambda: run, at, incidents)
         open_tab(self._state.client, REPLAY)
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ import viser
 
 from app.simulation import ERROR_CLASSES, Incident, RunFile, read_run, run_json
 from app.trainer.client.page_state import PageState
+from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.debrief import BEFORE, where
 from app.trainer.panel.export_box import add_export
@@ -20,6 +21,9 @@ _TELLING = (
 )
 STEP = 0.01
 """Step of the time slider, s."""
+ERROR_PX = 84
+"""Height of an error of four lines, pixels."""
+SPEEDS = {"1×": 1, "4×": 4, "16×": 16}
 
 
 class ReplayTab:
@@ -31,6 +35,9 @@ class ReplayTab:
             "Time (s)", min=0.0, max=1.0, step=STEP, initial_value=0.0, visible=False
         )
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._speed = gui.add_dropdown(
+            "Speed", tuple(SPEEDS), visible=False, hint="Times as fast as the run was done"
+        )
         self._error = gui.add_html("", visible=False)
         self._leave = gui.add_button(
             "Leave the replay", icon=viser.Icon.ARROW_BACK_UP, color="gray", visible=False
@@ -60,16 +67,22 @@ class ReplayTab:
         on_click(self._json, lambda: self._download("json"))
         on_click(self._csv, lambda: self._download("csv"))
         on_input(self._time, self._seek)
+        on_input(self._speed, lambda _: state.show())
 
         @self._open.on_upload
         def _(_: object) -> None:
             content = self._open.value.content
             self.replay(lambda: read_run(content))
 
-    def replay(self, read: Callable[[], RunFile], at: float = 0.0) -> None:
+    def replay(
+        self,
+        read: Callable[[], RunFile],
+        at: float = 0.0,
+        incidents: Sequence[Incident] | None = None,
+    ) -> None:
         """Replay a run from a time, s, on, or say why that is not possible."""
         start = self._state.start_replay
-        self._state.attempt("Making the run again.", lambda: start(read(), at))
+        self._state.attempt("Making the run again.", lambda: start(read(), at, incidents))
 
     def show(self) -> None:
         """Show the time of the replay."""
@@ -79,6 +92,8 @@ class ReplayTab:
         for handle, visible in (
             (self._time, timed),
             (self._play, timed),
+            (self._speed, timed),
+            (self._error, timed),
             (self._leave, timed),
             (self._this, not there),
             (self._upload, not there and not state.in_exercise),
@@ -87,15 +102,17 @@ class ReplayTab:
         ):
             set_if_changed(handle, visible=visible)
         there_now = _near(playback.incidents, playback.time) if playback is not None else None
-        set_if_changed(self._error, visible=there_now is not None)
-        if there_now is not None:
-            set_if_changed(self._error, content=_error_html(there_now, hands=not state.in_plane))
+        text = "" if there_now is None else _error_html(there_now, hands=not state.in_plane)
+        # Its room is kept: a button below it stays where it is.
+        set_if_changed(self._error, content=f"<div style='min-height:{ERROR_PX}px'>{text}</div>")
         some = state.session.run.started or state.last_run is not None
         for button in (self._this, self._json, self._csv):
             set_if_changed(button, disabled=not some or state.in_exercise)
         if playback is None:
             self._of = None
             return
+        if isinstance(playback, ReplayPlayback):
+            playback.speed = SPEEDS.get(str(self._speed.value), 1)
         if fresh := self._of is not playback:
             self._of = playback
             self._time.max = max(round(playback.duration, 2), STEP)

@@ -4,6 +4,7 @@ import base64
 import html
 from collections.abc import Callable, Sequence
 from datetime import datetime
+from typing import TypeAlias
 
 import msgspec
 import viser
@@ -11,15 +12,18 @@ import viser
 from app.classroom.photograph import kind_of
 from app.simulation import (
     FEW,
-    MANNERS,
+    CarefulRun,
     Exercise,
+    FreeLength,
+    Incident,
     Metrics,
     RunFile,
     Seen,
-    Session,
+    Series,
     Sights,
     Stay,
-    perform,
+    careful_run,
+    has_careful_run,
     run_json,
 )
 from app.trainer.client.page_state import PageState
@@ -32,8 +36,10 @@ from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
 from app.trainer.viser_bridge.page import open_tab
 
-__all__ = ["SHOW_ME", "run_name", "run_title", "show_result"]
+__all__ = ["SHOW_ME", "Watch", "run_name", "run_title", "show_result"]
 
+Watch: TypeAlias = Callable[[RunFile, float, Sequence[Incident] | None], object]
+"""Replays a run from a time, s, on; its errors are found meanwhile where they are not given."""
 # Earlier tries shown beside a result.
 TRIES_BESIDE = 2
 _BESIDE = (
@@ -41,18 +47,19 @@ _BESIDE = (
     "hand, careful and steady, at the same task; it is no surgeon."
 )
 SHOW_ME = "A scripted hand does it, careful and steady; it is no surgeon"
+NO_SERIES = Series((), ())
+"""Of an expert's run that is not compared tick by tick."""
 _SLIDERS = "Sliders and keys were allowed in this exercise."
 
 
-def _expert(run: RunFile, state: PageState) -> Session | None:
-    """Return good scripted hands' session of the same exercise; None for a free run."""
+def _expert(run: RunFile, state: PageState) -> CarefulRun | None:
+    """Return a careful run of the same exercise; None for a free run."""
     exercise = run.log.exercise
-    if exercise is None or exercise.name not in MANNERS:
+    if exercise is None or not has_careful_run(exercise):
         return None
     waiting = msgspec.structs.replace(run.log, inputs=[], ticks=0, exercise_inputs="hand")
-    session = state.replay_of(msgspec.structs.replace(run, log=waiting), vertices=FEW).session
-    perform(session, MANNERS[exercise.name]["good"])
-    return session
+    replay = state.replay_of(msgspec.structs.replace(run, log=waiting), vertices=FEW)
+    return careful_run(replay.session)
 
 
 def _seeks_break(exercise: Exercise | None) -> bool:
@@ -107,11 +114,11 @@ def _seen_html(seen: Sequence[Seen]) -> str:
 def show_result(
     state: PageState,
     run: RunFile,
-    watch: Callable[[RunFile, float], object],
+    watch: Watch,
 ) -> None:
     """Open a run's result over the trainer: how it ended, its errors, measures, and what is next.
 
-    Replaying the run takes a while. `watch` replays a run from a time, s, on.
+    Replaying the run takes a while.
     """
     gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
     replay = state.replay_of(run, vertices=FEW)
@@ -123,11 +130,10 @@ def show_result(
     expert = _expert(run, state)
     best: Done | None = None
     if expert is not None:
-        best = Done(
-            expert.metrics(),
-            expert.run.incidents(),
-            state.replay_of(expert.run_file(), vertices=FEW).series(),
-        )
+        best = Done(expert.run.metrics, expert.incidents, NO_SERIES)
+        if exercise is not None and isinstance(exercise.goal, FreeLength):
+            beside = state.replay_of(expert.run, vertices=FEW).series()
+            best = best._replace(series=beside)
     measures = measures_html(
         run.metrics,
         _beside(state.session.earlier_tries(run), None if best is None else best.metrics),
@@ -158,12 +164,12 @@ def show_result(
 
         def play(at: float) -> None:
             close()
-            watch(run, at)
+            watch(run, at, incidents)
 
         def play_expert(at: float) -> None:
             close()
             if expert is not None:
-                watch(expert.run_file(), at)
+                watch(expert.run, at, expert.incidents)
 
         def again() -> None:
             state.start_again(run)

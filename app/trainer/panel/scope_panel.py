@@ -1,6 +1,6 @@
 """One client's panel at an anatomy: what to reach, the hands, the scope, and what is in hand."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
 import viser
@@ -13,7 +13,7 @@ from app.anatomy import (
     shipped_anatomies,
     tube_title,
 )
-from app.simulation import Instrument, Reading, RunFile
+from app.simulation import Incident, Instrument, Reading, RunFile
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import SceneName
 from app.trainer.client.scope_lead import HOLDS_MM_S, ScopeLead
@@ -238,9 +238,11 @@ class ScopePanel:
         """Open the result page of a run; replaying the run for its plots takes a while."""
         show_result(self._state, run, self.replay)
 
-    def replay(self, run: RunFile, at: float = 0.0) -> None:
+    def replay(
+        self, run: RunFile, at: float = 0.0, incidents: Sequence[Incident] | None = None
+    ) -> None:
         """Replay a run from a time, s, on, in the tab of replays."""
-        self._replay.replay(lambda: run, at)
+        self._replay.replay(lambda: run, at, incidents)
         open_tab(self._state.client, REPLAY)
 
     def close(self) -> None:
