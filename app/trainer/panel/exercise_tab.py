@@ -139,6 +139,7 @@ class ExerciseTab:
                 handle.visible = visible
                 if handle is self._stop:
                     self._describe()
+        set_if_changed(self._show_me, disabled=busy and run.started)  # not while one tries
         if busy:
             set_if_changed(self._progress, value=round(100.0 * run.progress, 1))
             limit = run.exercise.time_limit_s if run.exercise else 0.0
@@ -162,10 +163,8 @@ class ExerciseTab:
 
     @property
     def _has_hands(self) -> bool:
-        """Whether scripted hands can do it now."""
-        exercise, run = self._exercise, self._state.session.run
-        begun = self._state.in_exercise and run.started
-        return exercise is not None and has_careful_run(exercise) and not begun
+        """Whether scripted hands can do it."""
+        return self._exercise is not None and has_careful_run(self._exercise)
 
     def _perform(self) -> None:
         """Play a careful performance of the exercise, by scripted hands."""

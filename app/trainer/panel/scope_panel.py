@@ -71,7 +71,9 @@ STEP = 0.5
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
-YOU_HOLD = "You hold the scope. V gives it back to the assistant."
+YOU_HOLD = "You hold the scope. V gives it back."
+HOW_PX = 64
+"""Height of three lines, pixels."""
 SPREAD = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
 HOW: Mapping[Instrument, str] = {
     "hook": "Bring it to a tube, take hold with the right button or G, and pull gently.",
@@ -216,10 +218,12 @@ class ScopePanel:
         for choice, hand in zip(self._hands, state.shown.tissue.hands, strict=True):
             set_if_changed(choice, value=hand.instrument)
         holder = state.shown.tissue.hands[state.hand]
-        set_if_changed(self._how, content=note(HOW[holder.instrument], "how"))
+        # Rooms of lines are kept, so that nothing below moves while one works.
+        how = note(HOW[holder.instrument], "how")
+        set_if_changed(self._how, content=f"<div style='min-height:{HOW_PX}px'>{how}</div>")
         use = "The scope is led" if lead.leads_scope else f"{lead.use} (G)"
         set_if_changed(self._use, label=use, disabled=lead.leads_scope)
-        set_if_changed(self._wipe, visible=state.shown.spatial.soil > 0.0)
+        set_if_changed(self._wipe, disabled=state.shown.spatial.soil == 0.0)
         self._scope.show("oblique" if lead.held.oblique else "straight")
         words = "The assistant holds the scope." if lead.held.assisted else YOU_HOLD
         set_if_changed(self._held, content=note(words, "scope"))
@@ -284,7 +288,7 @@ class ScopePanel:
         table = rows_html(rows, "padding:1px 10px 1px 0;opacity:.85", "text-align:right")
         return (
             f"<table data-testid='readout' data-broken='{reading.broken}' data-torn='{len(torn)}' "
-            f"style='margin:2px 12px 6px;font-size:13px'>{table}</table>"
+            f"style='margin:2px 12px 6px;width:calc(100% - 24px);font-size:13px'>{table}</table>"
         )
 
     def _standing(self, reading: Reading) -> str:

@@ -80,6 +80,12 @@
     // After the last movement, which may still wait.
     if (lead.hand >= 0) setTimeout(() => { if (lead && !down.size) say("stop"); }, LEAST_MS + 1);
   };
+  // Where the button is let go out of sight of the page, in another window, nothing tells of it.
+  const leave = event => {
+    if (event.target !== window) return;
+    if (down.size && lead?.hand >= 0) say("stop");
+    down.clear();
+  };
   const deeper = mm => {
     const { picture } = scope;
     if (!picture?.pose || !mm) return;
@@ -99,7 +105,7 @@
     notchAt = event.timeStamp;
   };
   const nothing = event => { if (event.target === viewer.canvas()) event.preventDefault(); };
-  const LISTENED = [["pointerdown", press], ["pointermove", move], ["pointerup", lift], ["pointercancel", lift], ["wheel", turn], ["contextmenu", nothing]];
+  const LISTENED = [["pointerdown", press], ["pointermove", move], ["pointerup", lift], ["pointercancel", lift], ["wheel", turn], ["contextmenu", nothing], ["blur", leave]];
 
   // Show where keys point, right and up of the picture's middle by so many of its radii, or nothing.
   const showCross = at => {
