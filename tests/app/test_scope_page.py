@@ -16,6 +16,7 @@ from simulated import phantom
 from app.simulation import Feedback, exercise_at, performed
 from app.simulation.performance import Script, Step
 from app.trainer.client.replay_playback import ReplayPlayback
+from app.trainer.panel.scope_panel import HOW
 from app.trainer.scope.pose import Camera
 from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.server.trainer import Trainer
@@ -218,6 +219,16 @@ def test_the_panel_at_an_anatomy_is_for_everyone(
         for name in ("Learn", "Replay", "Train"):
             tab.open(name)
             no_faults(tab, name)
+        # What is said of an instrument is of one to four lines, and nothing below it moves.
+        tops: set[float] = set()
+        state = _newest(calot, "calot").state
+        for each in ("hook", "dissector", "clip applier", "suction", "grasper"):
+            state.choose_instrument(0, each)
+            expect(page.get_by_test_id("how")).to_have_text(HOW[each])
+            place = page.get_by_role("button", name="Photograph").bounding_box()
+            assert place is not None
+            tops.add(place["y"])
+        assert len(tops) == 1
         tab.press("Help")
         dialog.wait_for()
         no_faults(tab, "Help")

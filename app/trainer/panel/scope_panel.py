@@ -72,8 +72,8 @@ TURN = 0.15
 """rad that a key turns jaws or cable by."""
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
 YOU_HOLD = "You hold the scope. V gives it back."
-HOW_PX = 64
-"""Height of three lines, pixels."""
+HOW_PX = 84
+"""Height of four lines, pixels."""
 SPREAD = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
 HOW: Mapping[Instrument, str] = {
     "hook": "Bring it to a tube, take hold with the right button or G, and pull gently.",
