@@ -257,14 +257,18 @@ def _offered(specimen: Specimen, name: str) -> Exercise | None:
 
 def _goal(span: float, name: str, bed: BedPreset) -> tuple[FreeLength, tuple[float, float] | None]:
     """Return what is to be freed, and what is free at the start, mm from the first clamp."""
-    if name == "follow_front":
-        front = (1.0 - OPENED_FRACTION) * span
-        return FreeLength(FOLLOW_FRACTION * span, 0.0, front), (front, span)
-    if name == "free_scar":
-        assert bed.patch is not None  # noqa: S101 (the caller has looked)
-        a, b = bed.patch.from_fraction * span, bed.patch.to_fraction * span
-        return FreeLength(FREED_FRACTION * (b - a), a, b), None
-    return FreeLength(WINDOW_FRACTION * span, 0.0, span, one_stretch=True), None
+    match name:
+        case "window":
+            return FreeLength(WINDOW_FRACTION * span, 0.0, span, one_stretch=True), None
+        case "follow_front":
+            front = (1.0 - OPENED_FRACTION) * span
+            return FreeLength(FOLLOW_FRACTION * span, 0.0, front), (front, span)
+        case "free_scar":
+            assert bed.patch is not None  # noqa: S101 (the caller has looked)
+            a, b = bed.patch.from_fraction * span, bed.patch.to_fraction * span
+            return FreeLength(FREED_FRACTION * (b - a), a, b), None
+        case _:
+            raise ValueError(f"exercise '{name}' has no goal in a bed")
 
 
 def _passes(session: Session, exercise: Exercise, technique: Technique) -> bool:
