@@ -203,6 +203,28 @@ def test_commands_and_sliders_have_the_numbers_by_which_the_page_knows_them(
     assert isinstance(slider._impl.uuid, str)
 
 
+MISSING = """wanted => {
+    const viewer = window.__viserMutable, camera = viewer.cameraControl;
+    const there = {
+        "viser runs scripts": window.bluntdissect,
+        "scene and root": viewer.scene && viewer.nodeRefFromName[""]?.matrixWorld,
+        "canvases": viewer.canvas && viewer.canvas2d?.parentElement,
+        "messages": viewer.sendMessage,
+        "pictures": viewer.requestRender && viewer.scene.onAfterRender
+            && viewer.scene.onBeforeRender,
+        "camera": camera?.setBoundary && camera.rotatePolarTo && camera.getTarget
+            && camera.addEventListener && camera.camera.up && camera.polarAngle,
+        "line to a hand": viewer.scene.children.some(each => each.line && each.cone),
+        "plots": Object.values(window.__viserTestpoints.uplots)
+            .every(plot => plot.chart.root && plot.chart.axes),
+    };
+    for (const selector of wanted)
+        there[selector] = document.querySelector(selector);
+    return Object.keys(there).filter(name => !there[name]);
+}"""
+"""Returns what of viser's page is not there."""
+
+
 @pytest.mark.parametrize("phone", [False, True])
 def test_page_has_what_its_style_and_script_lean_on(
     browser: Browser, trainer: Trainer, phone: bool
@@ -211,45 +233,29 @@ def test_page_has_what_its_style_and_script_lean_on(
     with trainer_page(browser, trainer.address, width=width, height=height) as tab:
         tab.press("Help")
         tab.page.get_by_role("dialog").wait_for()
-        missing = tab.page.evaluate(
-            """wanted => {
-                const viewer = window.__viserMutable, camera = viewer.cameraControl;
-                const there = {
-                    "viser runs scripts": window.bluntdissect,
-                    "scene and root": viewer.scene && viewer.nodeRefFromName[""]?.matrixWorld,
-                    "canvases": viewer.canvas && viewer.canvas2d?.parentElement,
-                    "messages": viewer.sendMessage,
-                    "pictures": viewer.requestRender && viewer.scene.onAfterRender
-                        && viewer.scene.onBeforeRender,
-                    "camera": camera?.setBoundary && camera.rotatePolarTo && camera.getTarget
-                        && camera.addEventListener && camera.camera.up && camera.polarAngle,
-                    "line to a hand": viewer.scene.children.some(each => each.line && each.cone),
-                    "plots": Object.values(window.__viserTestpoints.uplots)
-                        .every(plot => plot.chart.root && plot.chart.axes),
-                };
-                for (const selector of wanted)
-                    there[selector] = document.querySelector(selector);
-                return Object.keys(there).filter(name => !there[name]);
-            }""",
-            [
-                ".mantine-Notifications-root",
-                ".mantine-Flex-root > .mantine-Slider-root[id] [role=slider][aria-valuenow]",
-                ".mantine-Flex-root > .mantine-NumberInput-root .mantine-NumberInput-input",
-                "label[for]",
-                "[role=tablist] > [role=tab]",
-                ".tabler-icon-list-search",
-                ".mantine-ActionIcon-root .tabler-icon-adjustments",
-                ".mantine-Modal-root .mantine-Modal-content[role=dialog] .mantine-Modal-body",
-                ":has(> .bd-closer) + * button .mantine-Button-section",
-                ".mantine-Checkbox-root",
-                *(
-                    [".mantine-Paper-root [style*='width: 20em']"]
-                    if phone
-                    else ["[data-dock-tab]", "[data-dock-region-collapse]"]
-                ),
-            ],
-        )
-        assert missing == []
+        wanted = [
+            ".mantine-Notifications-root",
+            ".mantine-Flex-root > .mantine-Slider-root[id] [role=slider][aria-valuenow]",
+            ".mantine-Flex-root > .mantine-NumberInput-root .mantine-NumberInput-input",
+            "label[for]",
+            "[role=tablist] > [role=tab]",
+            ".tabler-icon-list-search",
+            ".mantine-ActionIcon-root .tabler-icon-adjustments",
+            ".mantine-Modal-root .mantine-Modal-content[role=dialog] .mantine-Modal-body",
+            ":has(> .bd-closer) + * button .mantine-Button-section",
+            ".mantine-Checkbox-root",
+            *(
+                [".mantine-Paper-root [style*='width: 20em']"]
+                if phone
+                else ["[data-dock-tab]", "[data-dock-region-collapse]"]
+            ),
+        ]
+
+        def nothing_is_missing() -> None:
+            assert tab.page.evaluate(MISSING, wanted) == []
+
+        # Icons come in files of their own.
+        tab.eventually(nothing_is_missing)
 
 
 def test_a_tab_keeps_a_text_of_its_own(browser: Browser, trainer: Trainer) -> None:
