@@ -248,7 +248,7 @@ CYSTIC_STATION = 73.1
 """Where the cystic duct of the atlas joins the common duct, mm from its lower end."""
 
 
-@pytest.mark.parametrize("name", ["labels", "labels_hard"])
+@pytest.mark.parametrize("name", ["labels", pytest.param("labels_hard", marks=pytest.mark.long)])
 def test_the_atlas_is_found_again(name: str, data_dir: Path) -> None:
     """Against the atlas's own meshes: the decoded organ's wall where no other tube's label is."""
     folder = data_dir / "calot_atlas"
