@@ -1,5 +1,6 @@
 """Metrics: each measure of a run, with its name, unit and meaning (docs/measures.md)."""
 
+import re
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -10,6 +11,7 @@ Metrics = dict[str, Any]
 """The metrics of a run by key: a number, a list of one of each hand, or what is known of the tear;
 None where the run gives none."""
 DISTANCE_TO_BREAK = "smallest_distance_to_break"
+MOST_DIGITS = 6
 
 
 class Metric(NamedTuple):
@@ -34,8 +36,13 @@ class Metric(NamedTuple):
     def passed_words(self, value: float, limit: float) -> str:
         """Return that it is past a limit, in a sentence without its full stop."""
         general = f"{self._plain} was {{value:.4g}} {self.unit}, past {{limit:.3g}} {self.unit}"
-        words = self.passed or general
-        return words.format(value=self.factor * value, limit=self.factor * limit).strip()
+        words, value, limit = self.passed or general, self.factor * value, self.factor * limit
+        # As many more digits as tell the two apart.
+        for _ in range(MOST_DIGITS):
+            if words.format(value=value, limit=limit) != words.format(value=limit, limit=limit):
+                break
+            words = re.sub(r"\.(\d)([fg])", lambda at: f".{int(at[1]) + 1}{at[2]}", words)
+        return words.format(value=value, limit=limit).strip()
 
     @property
     def _plain(self) -> str:

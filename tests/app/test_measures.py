@@ -1,6 +1,7 @@
 """Measures: what is published under their names, against sums made by hand."""
 
 import math
+import re
 import statistics
 
 import numpy as np
@@ -11,6 +12,7 @@ from simulated import phantom, pull_session, settle
 
 from app.simulation import TICK_SECONDS, Phase, Replay, loading_rates
 from app.simulation.measures import PullMetrics
+from app.simulation.metrics import METRIC_OF, METRICS, Metric
 from physics import BreakEvent, Cubic, RuptureCheck
 
 
@@ -257,3 +259,22 @@ def test_idle_time_under_a_held_force_still_counts() -> None:
     after = session.metrics()
     assert after["time_s"] == pytest.approx(before["time_s"] + 1.0)
     assert after["force_time_product_N_s"] == pytest.approx(before["force_time_product_N_s"] + 1.0)
+
+
+@given(st.sampled_from([each for each in METRICS if each.passed]), st.floats(0.1, 10.0),
+       st.floats(1e-5, 0.5))  # fmt: skip
+def test_a_limit_that_is_passed_and_by_how_much_are_told_apart(
+    metric: Metric, limit: float, by: float
+) -> None:
+    value = limit * (1.0 - by if metric.better == "higher" else 1.0 + by)
+    words = metric.passed_words(value, limit)
+    numbers = re.findall(r"\d+(?:\.\d+)?", words)
+    assert numbers[0] != numbers[1], words
+
+
+def test_a_limit_is_given_with_the_digits_that_it_needs() -> None:
+    force = METRIC_OF["maximum_instrument_force_N"]
+    assert (
+        force.passed_words(1.0312, 1.0204) == "The instrument was pushed with 1.03 N, past 1.02 N"
+    )
+    assert force.passed_words(1.31, 1.02) == "The instrument was pushed with 1.3 N, past 1 N"
