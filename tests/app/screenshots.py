@@ -33,18 +33,18 @@ WIDE, PHONE = (1440, 900), (390, 844)
 SMALL = 1280, 800
 
 
-def close_hint(tab: TrainerPage) -> None:
+def close_hint(page: Page) -> None:
     """Close what is said of a browser that draws in software, and hide hints of the mouse."""
-    close = tab.page.get_by_role("alert").filter(has_text="Software WebGL").get_by_role("button")
+    close = page.get_by_role("alert").filter(has_text="Software WebGL").get_by_role("button")
     if close.count():
         close.first.dispatch_event("click")  # a page that draws slowly takes long to stand still
         expect(close).to_have_count(0)
-    tab.page.mouse.move(2.0, 2.0)  # a hint would cover what is beside it
+    page.mouse.move(2.0, 2.0)  # a hint would cover what is beside it
 
 
 def take(tab: TrainerPage, path: Path) -> None:
     """Wait until the picture stands still, and keep it."""
-    close_hint(tab)
+    close_hint(tab.page)
     take_page(tab.page, path)
 
 
@@ -57,14 +57,26 @@ def take_page(page: Page, path: Path) -> None:
         if now == last:
             break
         last = now
-    Image.open(io.BytesIO(last)).convert("RGB").save(path, quality=82)
+    save(last, path)
+
+
+def take_moving(tab: TrainerPage, path: Path) -> None:
+    """Keep the picture of a page that never stands still: vessels pulse."""
+    close_hint(tab.page)
+    tab.next_picture()
+    save(tab.page.screenshot(type="png", timeout=5.0 * PATIENCE), path)
+
+
+def save(png: bytes, path: Path) -> None:
+    """Save a picture, and print where."""
+    Image.open(io.BytesIO(png)).convert("RGB").save(path, quality=82)
     print(path)
 
 
 def take_result(trainer: Trainer, browser: Browser, folder: Path) -> None:
     """Have good hands do an exercise, and take the picture of its result."""
     with trainer_page(browser, trainer.address, width=WIDE[0], height=WIDE[1]) as tab:
-        close_hint(tab)  # the result will lie over it
+        close_hint(tab.page)  # the result will lie over it
         state = newest_dissection(trainer).state
         session = state.session
         state.start_exercise(bed_exercises(session)[0], Feedback.CONTINUOUS)
@@ -134,12 +146,12 @@ def take_scope(trainer: Trainer, browser: Browser, folder: Path) -> None:
         browser, trainer.address, width=width, height=height, query="&scene=calot",
         node="/scope/state",
     ) as tab:  # fmt: skip
-        take(tab, folder / "page-calot.webp")
+        take_moving(tab, folder / "page-calot.webp")
         tab.open("Learn")
         tab.choose("Exercise", "Who is who")
         tab.press("Start")
         expect(tab.page.get_by_test_id("exercise-state")).to_be_visible()
-        take(tab, folder / "page-who-is-who.webp")
+        take_moving(tab, folder / "page-who-is-who.webp")
 
 
 def take_class(browser: Browser, folder: Path, work: Path) -> None:
@@ -203,8 +215,8 @@ def take_player(browser: Browser, folder: Path, work: Path) -> None:
     page.goto((work / "pull.html").as_uri())
     page.wait_for_function("() => window.__viserMutable?.scene", timeout=PATIENCE)
     page.wait_for_timeout(12_000)  # into the pull, drawn by a processor
-    page.screenshot(path=work / "player.png", timeout=5.0 * PATIENCE)
-    Image.open(work / "player.png").convert("RGB").save(folder / "page-player.webp", quality=82)
+    close_hint(page)
+    save(page.screenshot(timeout=5.0 * PATIENCE), folder / "page-player.webp")
 
 
 def main(folder: Path, *only: str) -> None:
