@@ -23,6 +23,7 @@ from app.command_line import (
     trainer,
     validate,
 )
+from kernel_cache import say_when_compiling
 
 __all__ = ["main", "program"]
 
@@ -75,6 +76,8 @@ program.command("dataset")(dataset.dataset)
 
 def main() -> None:
     """Run the command line and exit: 0 done, 2 wrong input, 1 a fault of ours."""
+    if sys.stderr.isatty():  # what is not a person takes a line there for an error
+        say_when_compiling()
     sys.exit(_status())
 
 

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numba
 import numpy as np
 import pytest
 import trimesh
 from own_organ import phantom_start
 from program import refused, run
 
+from app.command_line import main
 from app.command_line.bed_options import BED_NAMES
 from app.command_line.load import PRESET_NAMES
 from app.simulation import bed_presets, presets
@@ -610,3 +612,19 @@ def test_solve_a_pull_along_an_avulsion_and_an_inflation() -> None:
 )
 def test_what_is_not_of_a_load_is_named(options: tuple[object, ...], message: str) -> None:
     assert message in refused(["solve", *TUBE, *options])
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_first_run_in_a_terminal_tells_that_it_compiles(
+    terminal: bool, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """In a pipe it does not, where a program would take the line for an error."""
+    numba.njit(lambda x: x)(1)  # whatever was to be told is told
+    caplog.clear()
+    monkeypatch.setattr(sys, "argv", ["bluntdissect", "--version"])
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    with pytest.raises(SystemExit):
+        main()
+    for _ in range(2):
+        numba.njit(lambda x: x + 1)(1)
+    assert caplog.text.count("Compiling") == terminal
