@@ -33,14 +33,18 @@ def decoded(
     kind: type[T],
     wrong: str,
     error: type[ValueError] = ValueError,
+    *,
+    lines: bool = False,  # in errors, instead of msgspec's path
 ) -> T:
-    """Return what JSON or TOML holds, older keys too; an error says what is `wrong`, and why."""
+    """Return what JSON or TOML holds; an error says what is `wrong`, why, and of TOML its line."""
+    # Keys of earlier versions are taken, too.
     try:
         return msgspec.convert(with_present_keys(decode(content)), kind, str_keys=True)
     except UnicodeDecodeError:
         raise error(f"{wrong}: it is not text") from None
     except (msgspec.MsgspecError, RecursionError) as fault:  # nested without end
-        raise error(f"{wrong}: {_explained(str(fault), kind)}") from None
+        words = f"{wrong}: {_explained(str(fault), kind)}"
+        raise error(_with_line(words, content) if lines else words) from None
 
 
 def _explained(fault: str, kind: type) -> str:
@@ -55,6 +59,43 @@ def _explained(fault: str, kind: type) -> str:
         right = [str(value) for each in there for value in getattr(each, "values", ())]
     message, at, path = fault.partition(" - at `")
     return f"{message} (there are {', '.join(right)}){at}{path}" if right else fault
+
+
+def _with_line(fault: str, content: bytes | str) -> str:
+    """Return what is wrong with a file, by the line instead of the path in it."""
+    found = re.fullmatch(r"(.*?) - at `([^`]*)`(?: - at `[^`]*`)?", fault, re.DOTALL)
+    if found is None:
+        return fault
+    message, path = found[1], found[2]
+    keys = re.findall(r"\w+", path)
+    own = next((key for key in reversed(keys) if not key.isdecimal()), "")
+    # A field that is not known, or the one that a sentence begins with.
+    named = re.search(r"unknown field `(\w+)`", message) or re.search(r": (\w+)", message)
+    text = content if isinstance(content, str) else content.decode()
+    line = _line_of([*keys, *([named[1]] if named else [])], text.splitlines())
+    # Our own sentences name the field; msgspec's do not.
+    field = f" in {own}" if re.search(r": (Expected|Invalid) ", message) else ""
+    return f"{message}{field} (line {line})"
+
+
+def _line_of(keys: list[str], lines: list[str]) -> int:
+    """Return the line of what a path of tables, places and keys leads to, as near as it goes."""
+    at, rest = 0, keys
+    if len(keys) > 1 and keys[1].isdecimal():
+        heads = [i for i, line in enumerate(lines) if line.strip().startswith(f"[[{keys[0]}]]")]
+        at, rest = heads[int(keys[1])] if int(keys[1]) < len(heads) else 0, keys[2:]
+    for key in rest:
+        start = at
+        for i in range(at, len(lines)):
+            line = lines[i].strip()
+            if i > start and line.startswith("[["):
+                break
+            if re.match(rf"({key}\s*=|\[(\w+\.)*{key}\])", line) or re.search(
+                rf"[{{,]\s*{key}\s*=", line
+            ):
+                at = i
+                break
+    return at + 1
 
 
 def _types_at(there: Any, path: str) -> list[Any]:

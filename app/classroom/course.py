@@ -265,43 +265,7 @@ def read_course(content: str) -> Course:
     """Return the course in a TOML file; a `ValueError` says in a sentence what is wrong, where."""
     if len(content) > LONGEST_FILE:
         raise ValueError(f"a course has at most {LONGEST_FILE:,} characters")
-    try:
-        return decoded(msgspec.toml.decode, content, Course, "this is no course")
-    except ValueError as error:
-        raise ValueError(_with_line(str(error), content)) from None
-
-
-def _with_line(fault: str, content: str) -> str:
-    """Return what is wrong with a file, by the line instead of the path in it."""
-    found = re.fullmatch(r"(.*?) - at `([^`]*)`(?: - at `[^`]*`)?", fault, re.DOTALL)
-    if found is None:
-        return fault
-    message, path = found[1], found[2]
-    # A field that is not known, or the one that a sentence begins with.
-    named = re.search(r"unknown field `(\w+)`", message) or re.search(r": (\w+)", message)
-    keys = [*re.findall(r"\w+", path), *([named[1]] if named else [])]
-    return f"{message} (line {_line_of(keys, content)})"
-
-
-def _line_of(keys: list[str], content: str) -> int:
-    """Return the line of what a path of tables, places and keys leads to, as near as it goes."""
-    lines = content.splitlines()
-    at, rest = 0, keys
-    if len(keys) > 1 and keys[1].isdecimal():
-        heads = [i for i, line in enumerate(lines) if line.strip().startswith(f"[[{keys[0]}]]")]
-        at, rest = heads[int(keys[1])] if int(keys[1]) < len(heads) else 0, keys[2:]
-    for key in rest:
-        start = at
-        for i in range(at, len(lines)):
-            line = lines[i].strip()
-            if i > start and line.startswith("[["):
-                break
-            if re.match(rf"({key}\s*=|\[(\w+\.)*{key}\])", line) or re.search(
-                rf"[{{,]\s*{key}\s*=", line
-            ):
-                at = i
-                break
-    return at + 1
+    return decoded(msgspec.toml.decode, content, Course, "this is no course", lines=True)
 
 
 def with_benchmarks(content: str, benchmarks: Iterable[Benchmark]) -> str:

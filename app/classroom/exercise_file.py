@@ -195,7 +195,7 @@ def read_exercise(content: str) -> ExerciseFile:
     """Return the exercise in a TOML file."""
     if len(content) > LONGEST_FILE:
         raise ValueError(f"an exercise file has at most {LONGEST_FILE:,} characters")
-    return decoded(_decoded, content, ExerciseFile, "this is no exercise file")
+    return decoded(_decoded, content, ExerciseFile, "this is no exercise file", lines=True)
 
 
 def _decoded(content: str) -> Any:

@@ -226,7 +226,7 @@ def _lines(metrics: "Metrics") -> list[tuple[str, str]]:
     lines = [
         (
             each.name(metrics)[:1].lower() + each.name(metrics)[1:],
-            _value(metrics[each.key], each.unit if each.factor == 1.0 else ""),
+            _value(metrics[each.key], each.factor, each.unit),
         )
         for each in METRICS
         if each.key in metrics
@@ -236,8 +236,8 @@ def _lines(metrics: "Metrics") -> list[tuple[str, str]]:
     tear = metrics["tear"]
     if tear is None:
         return [*lines, ("tear", "none")]
-    force = f" under {tear['force_N']!r} N" if "force_N" in tear else ""
-    at = f"at {tear['time_s']!r} s{force}, {tear['station_mm']:.6g} mm from the first clamp"
+    force = f" under {tear['force_N']:.6g} N" if "force_N" in tear else ""
+    at = f"at {tear['time_s']:.6g} s{force}, {tear['station_mm']:.6g} mm from the first clamp"
     return [*lines, ("tear", at)]
 
 
@@ -269,7 +269,9 @@ def _errors(incidents: "list[Incident]") -> list[tuple[str, str]]:
     return [*lines, ("", f"and {more:,} more: see --json")] if more > 0 else lines
 
 
-def _value(value: float | Sequence[float] | None, unit: str) -> str:
-    if isinstance(value, Sequence):
-        return f"{' and '.join(map(repr, value))} {unit}".rstrip()
-    return "none" if value is None else f"{value!r} {unit}".rstrip()
+def _value(value: float | Sequence[float] | None, factor: float, unit: str) -> str:
+    """Return a metric as the page shows it; --json has all digits."""
+    if value is None:
+        return "none"
+    values = value if isinstance(value, Sequence) else (value,)
+    return f"{' and '.join(f'{factor * each:.6g}' for each in values)} {unit}".rstrip()

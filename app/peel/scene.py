@@ -185,4 +185,4 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def read_scene(path: Path) -> PeelScene:
     """Return the scene in a file."""
     content = read_bounded(path, MOST_BYTES, "scene")
-    return decoded(msgspec.toml.decode, content, PeelScene, str(path))
+    return decoded(msgspec.toml.decode, content, PeelScene, str(path), lines=True)

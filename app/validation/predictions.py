@@ -163,7 +163,7 @@ def read_experiment(path: Path) -> Experiment:
     """Return the experiment in a file; a `ValueError` says what is wrong with it."""
     content = read_bounded(path, MOST_BYTES, "experiment")
     name = f"{path} is no experiment"
-    found = decoded(msgspec.toml.decode, content, Experiment, name)
+    found = decoded(msgspec.toml.decode, content, Experiment, name, lines=True)
     if found.load not in LOADS:
         raise ValueError(f"{path}: load must be one of {', '.join(LOADS)}, got {found.load!r}")
     cases = LOADS[found.load][1]

@@ -215,13 +215,13 @@ def test_the_end_of_an_arc_is_held_by_its_length_to_some_digits(tmp_path: Path, 
         ((BEAM, BED, HAND.replace("60.0", "0.0")), "behind a clamp"),
         ((BEAM, BED, HAND.replace("60.0", "70.0")), "is not on the beam"),
         ((BEAM, BED, HAND.replace("12.0", "nan")), "must be finite numbers"),
-        ((BEAM, BED, HAND.replace("[0.0, 0.0, 12.0]", "[0.0, 12.0]")), "hand"),
+        ((BEAM, BED, HAND.replace("[0.0, 0.0, 12.0]", "[0.0, 12.0]")), "in path_mm (line"),
         ((BEAM.replace("8.0", "0.0"), BED, HAND), "the axial stiffness must be above 0 N"),
         (
             (BEAM, BED + "stifness = 1.0\n", HAND),
             ", softening, bilateral, floor_N_per_mm2",
         ),
-        ((BEAM.replace('"clamped"', '"glued"', 1), BED, HAND), ") - at `$.beam.ends[0]`"),
+        ((BEAM.replace('"clamped"', '"glued"', 1), BED, HAND), ") in ends (line 5)"),
         ((BEAM.replace('"clamped"', '"glued"', 1), BED, HAND), "'glued' (there are clamped, "),
         ((BEAM, "[[strand]]\nat_mm = 5.0\nstiffness_N_per_mm = 1.0\n", HAND), "strength_N"),
         ((BEAM.replace('"free"', '"loose"'), BED, HAND), "loose"),
@@ -447,6 +447,13 @@ def test_a_network_of_one_tube_is_the_beam_on_its_bed(tmp_path: Path, time: str)
 def test_refuses_networks_that_cannot_be(tmp_path: Path, old: str, new: str, output: str) -> None:
     assert old in NETWORK
     assert output in refused(["peel", scene(tmp_path, NETWORK.replace(old, new, 1))])
+
+
+def test_a_field_that_is_not_known_is_named_with_its_line(tmp_path: Path) -> None:
+    wrong = NETWORK.replace("reach_mm", "reach", 1)
+    rows = [line.partition(" ")[0] for line in wrong.splitlines()]
+    words = refused(["peel", scene(tmp_path, wrong)])
+    assert f"(line {rows.index('reach') + 1})" in words
 
 
 def test_older_keys_of_a_scene_are_read_and_give_the_same(tmp_path: Path) -> None:
