@@ -1,5 +1,6 @@
 """An anatomy as the network of beams and strands that stands for it (docs/anatomy-method.md)."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +23,8 @@ FLUIDS = {
 }
 """Assumed: 3.5 and 1.5 mPa s, 90 mmHg and 12 cm of water; an open end of a hepatic artery gives
 4 ml/s, one of a bile duct 0.3 ml/s; 5 l and 40 ml."""
+LAGGED = -math.inf
+"""No gap at rest is so small that nodes of tubes that touch are solved for together."""
 UP = (0.0, 0.0, 1.0)
 # Part of a tube's length within which a place along it is one of its ends.
 AT_END = 1e-2
@@ -62,13 +65,15 @@ class AnatomyNetwork:
         return self.network.tubes[tube.name].radius - float(tube.wall_mm)
 
 
-def anatomy_network(anatomy: Anatomy) -> AnatomyNetwork:
+def anatomy_network(anatomy: Anatomy, *, touching: bool = True) -> AnatomyNetwork:
     """Return the network that stands for an anatomy.
 
     Parameters
     ----------
     anatomy
         Of a file that was read, or drawn: its tubes meet where they join.
+    touching
+        Whether its tubes touch each other; else they pass through one another.
 
     Returns
     -------
@@ -93,7 +98,7 @@ def anatomy_network(anatomy: Anatomy) -> AnatomyNetwork:
             tubes[tube.name] = _beam(anatomy, tube, [(each, tubes[each.to]) for each in ends])
         except ValueError as error:
             raise TableError(f"tube {tube.name!r}: {error}", "tube", number) from None
-    network = Network(tubes, joins)
+    network = Network(tubes, joins, touching=LAGGED if touching else None)
     names = list(tubes)
     strands: list[Strands] = []
     layers: list[int] = []

@@ -115,6 +115,7 @@ class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tips_mm: tuple[tuple[float, float, float], ...] | None = None
     # name of a shipped anatomy, or another in full: its tubes, of which the preset is the first's
     anatomy: str | Anatomy | None = None
+    tubes_touch: bool = False  # each other; older runs' passed through one another
     # how strands and walls relax; not at all when None
     strand_relaxation: Prony | None = None
     wall_relaxation: Prony | None = None

@@ -585,7 +585,11 @@ class Session:
             relaxation = strands, wall
             if anatomy is not None:
                 whole = anatomy_named(anatomy)
-                specimen = replace(Specimen.of_anatomy(whole), relaxation=relaxation)
+                specimen = replace(
+                    Specimen.of_anatomy(whole),
+                    relaxation=relaxation,
+                    tubes_touch=start.tubes_touch,
+                )
             else:
                 specimen = Specimen(
                     preset,

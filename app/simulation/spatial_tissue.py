@@ -1076,6 +1076,7 @@ class SpatialTissue:
             strand_relaxation=Prony.of(self._relaxing[0]),
             wall_relaxation=Prony.of(self._relaxing[1]),
             tear_mm_per_s=preset.tear_mm_per_s,
+            tubes_touch=self.specimen.anatomy is not None and self.specimen.tubes_touch,
         )
 
     def goal_of(self, exercise: Exercise) -> None:
@@ -1138,7 +1139,7 @@ def _with_free_end(network: Network) -> Network:
     """Return a network whose first tube's second end is free."""
     name, first = next(iter(network.tubes.items()))
     free = replace(first, ends=("clamped", "free"))
-    return Network({**network.tubes, name: free}, network.joins)
+    return replace(network, tubes={**network.tubes, name: free})
 
 
 @njit(cache=True)

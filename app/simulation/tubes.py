@@ -85,9 +85,9 @@ class Tubes:
         )
 
     @classmethod
-    def of_anatomy(cls, anatomy: Anatomy) -> "Tubes":
-        """Return the tubes of an anatomy, whose frame is the beams'."""
-        made, lines = anatomy_network(anatomy), tube_lines(anatomy)
+    def of_anatomy(cls, anatomy: Anatomy, *, touching: bool = True) -> "Tubes":
+        """Return the tubes of an anatomy, whose frame is the beams'; whether they touch."""
+        made, lines = anatomy_network(anatomy, touching=touching), tube_lines(anatomy)
         return cls(
             made.network,
             made.strands,

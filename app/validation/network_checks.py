@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from app.validation.bed_checks import BedCheck
 from physics.bed import BeamOnBed, End, Join, Network, SpaceBeam, Strands
+from physics.bed.kernels import CONTACT_STIFFNESS
 from physics.bed.peel_theory import cantilever_compliance
 
-__all__ = ["network_checks", "t_peel", "two_beams"]
+__all__ = ["crossed_tubes", "network_checks", "t_peel", "two_beams"]
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ FRAME_HEIGHT = 9.518614
 
 def network_checks() -> list[BedCheck]:
     """Solve the scenes; takes some seconds."""
-    return [portal(), y_frame(), two_beams(), t_peel()]
+    return [portal(), y_frame(), two_beams(), t_peel(), crossed_tubes()]
 
 
 def portal() -> BedCheck:
@@ -45,6 +46,24 @@ def portal() -> BedCheck:
     sway = force * 30.0**3 * (2.0 + 3.0 * ratio) / (12.0 * MOMENT * (1.0 + 6.0 * ratio))
     found = float(made.places[node, 0] - made.rest_place(node)[0])
     return _check("Portal (Kleinlogel)", "sway under 1e-5 N, mm", found, sway, made)
+
+
+def crossed_tubes(factor: float = 1.0, elements: int = 40) -> BedCheck:
+    """Load a tube across another, `factor` times as stiff: P L^3/(48 E I) + P L/(4 G A) of each."""
+    span, force = 40.0, 1e-4
+    stiff = np.array([50.0, 400.0, 400.0, 60.0, 80.0, 80.0])
+    half, pins = 0.5 * span, ("pinned", "pinned")
+    low = _straight((0, -half, 0), (0, half, 0), elements, factor * stiff, pins)
+    high = _straight((-half, 0, 2), (half, 0, 2), elements, stiff, pins)
+    made = BeamOnBed(Network({"low": low, "high": high}, touching=np.inf))
+    node = int(made.nodes_of("high")[elements // 2])
+    made.push(node, (0.0, 0.0, -force))
+    made.advance()
+    give = span**3 / (48.0 * stiff[4]) + span / (4.0 * stiff[2])
+    below = give / factor + elements / (span * CONTACT_STIFFNESS)
+    found = float(made.rest_place(node)[2] - made.places[node, 2])
+    expected = force / (1.0 / give + 1.0 / below)
+    return _check("Two tubes across each other", "sag under 1e-4 N, mm", found, expected, made)
 
 
 def y_frame() -> BedCheck:

@@ -17,6 +17,7 @@ from physics.bed.nick import Nick, Weak
 from physics.bed.relaxation import Relaxation
 from physics.bed.space_beam import HELD, tangents
 from physics.bed.strands import Strands
+from physics.bed.touching import Touching
 
 __all__ = [
     "AT_ONCE",
@@ -48,7 +49,7 @@ IN_PLANE = 2 + 8 + 32
 # Part of an element's shear flexibility that stands for bending within it, from which on it is
 # stretched along its chord.
 THIN = 0.5
-WHOLE_NUMBERS = ("held", "first_block", "blocks", "product", "ends", "first", "pair")
+WHOLE_NUMBERS = ("held", "first_block", "blocks", "product", "ends", "first", "pair", "touch")
 SMALL_NUMBERS = ("side", "side_before")
 """Names of a state's arrays of whole numbers, and of those that fit a byte."""
 
@@ -90,6 +91,7 @@ class Rest:
     others: Ints  # (S,) the nodes that their feet are on, -1 for the bed
     pairs: Ints  # (G, 4) as in the state
     order: NDArray[np.intp]  # (S,) their numbers in `strands`
+    touching: Touching
     nicks: list[Nick] = field(default_factory=list[Nick])  # tears part of the way through tubes
 
     @classmethod
@@ -117,6 +119,8 @@ class Rest:
             for i, j in zip(node[apart].tolist(), other[apart].tolist(), strict=True)
         }
         near = {(min(i, j), max(i, j)) for i, j in ends.tolist()}
+        touching = Touching.of(network, numbered)
+        between |= touching.coupled
         order = Elimination.of(count, near | between if coupling == "exact" else near)
         at = np.empty(count, dtype=np.int64)
         at[order.order] = np.arange(count)
@@ -168,6 +172,7 @@ class Rest:
             for each in beams
         ]
         fibres = [each.fibres for each in beams if each.fibres is not None]
+        touching.which[:, 0] = at[touching.which[:, 0]]
         group, pairs = _pairs(node, other, order)
         sort = np.argsort(group, kind="stable")
         return cls(
@@ -194,6 +199,7 @@ class Rest:
             other[sort],
             pairs,
             sort,
+            touching,
         )
 
     def tube(self, name: str | None) -> Tube:
@@ -307,7 +313,9 @@ def shapes(rest: Rest, rods: int = 0, relaxation: Relaxing = AT_ONCE) -> Shapes:
         "chord": (elements, 3), "wall": (solid, kernels.WALL_ROWS), "strained": (solid, 4),
         "first": (nodes + len(rest.pairs) + 1,), "pair": rest.pairs.shape,
         "strand": (kernels.STRAND_ROWS, count), "damage": (count,),
-        "floor": (nodes, 2), "thick": three, "rods": swept, "side": touched, "pull": at_rods,
+        "floor": (nodes, 2), "touch": rest.touching.which.shape,
+        "reach": (len(rest.touching.which), kernels.REACH_COLUMNS), "girth": (elements, 2),
+        "thick": three, "rods": swept, "side": touched, "pull": at_rods,
         "press": at_rods, "section": (elements, 11),
         "fibres": (kernels.FIBRE_ROWS, kernels.FIBRES * solid), "g": six, "step": six,
         "diagonal": diagonal, "block": block, "diagonal_kept": diagonal, "block_kept": block,
@@ -402,6 +410,10 @@ def state_of(
         widths[:-1] += 0.5 * np.diff(tube.stations)
         widths[1:] += 0.5 * np.diff(tube.stations)
         s.thick[tube.nodes, 1] += kernels.CONTACT_STIFFNESS * widths
+        radius = rest.network.tubes[tube.name].radius
+        s.girth[tube.elements, 0], s.girth[tube.elements, 1] = radius[:-1], radius[1:]
+    s.touch[:] = rest.touching.which
+    s.reach[:, [kernels.OWN, kernels.STIFFNESS]] = rest.touching.reach
     s.side[:] = kernels.NO_CONTACT
     s.sums[kernels.RETRACED] = retrace
     s.branch[:, :, kernels.TIME] = np.inf
@@ -412,6 +424,7 @@ def state_of(
             rows[: len(each.times), kernels.TIME] = each.times
     kernels.begin(s, 0.0)
     rest.write(s)
+    kernels.rest_gaps(s.x, s.ends, s.girth, s.stiff, s.touch, s.reach)
     return s
 
 

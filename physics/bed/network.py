@@ -42,10 +42,15 @@ class Network:
         Beams at rest.
     joins
         Which ends join what.
+    touching
+        Gap at rest, mm, up to which nodes of tubes that touch are solved for together; the others
+        move as if what they touch stood still, by which equilibria are found slowly. Tubes pass
+        through one another when None.
     """
 
     tubes: Mapping[str, SpaceBeam]
     joins: Sequence[Join] = ()
+    touching: float | None = None
 
     def __post_init__(self) -> None:
         if not self.tubes:

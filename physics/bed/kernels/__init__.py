@@ -81,6 +81,7 @@ from physics.bed.kernels.state import (
 )
 from physics.bed.kernels.strands import update_rod_contacts, yielded
 from physics.bed.kernels.tick import tick
+from physics.bed.kernels.touch import OWN, REACH_COLUMNS, STIFFNESS, rest_gaps
 from physics.bed.kernels.wall import (
     FIBRE_ROWS,
     FIBRES,
@@ -125,11 +126,13 @@ __all__ = [
     "OUTER_2",
     "OUTER_3",
     "OVER",
+    "OWN",
     "PACE",
     "PENDING",
     "RADIUS",
     "REACH_2",
     "REACH_3",
+    "REACH_COLUMNS",
     "RETRACED",
     "ROD_BROKEN",
     "ROD_DISSIPATED",
@@ -143,6 +146,7 @@ __all__ = [
     "SPRING",
     "STEP",
     "STIFF",
+    "STIFFNESS",
     "STORED",
     "STRAIN",
     "STRAIN_BEFORE",
@@ -168,6 +172,7 @@ __all__ = [
     "nearest_core",
     "path_round",
     "remember",
+    "rest_gaps",
     "rods_clear_of",
     "set_arms",
     "set_rest",

@@ -19,11 +19,13 @@ from physics.bed.kernels.state import (
     RETRACED,
     SLIPPED_NOW,
     STRANDS,
+    TRAVELLED,
     WALL_PACE,
     State,
     copy_values,
 )
 from physics.bed.kernels.strands import strand_pass
+from physics.bed.kernels.touch import touch_pass
 from physics.bed.kernels.vectors import inlined, inner
 
 
@@ -82,6 +84,21 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
         s.section,
     )
     strand_pass(s, kind, relaxation)
+    s.sums[CONTACT] += touch_pass(
+        s.x,
+        s.ends,
+        s.girth,
+        s.stiff,
+        s.touch,
+        s.reach,
+        s.sums[TRAVELLED],
+        s.first_block,
+        s.blocks,
+        s.g,
+        s.diagonal,
+        s.block,
+        kind,
+    )
     s.sums[CLEAR] = math.inf
     if any_rod(s.rods):
         energy, clear = core_pass(

@@ -21,6 +21,7 @@ from physics.bed.kernels.step import (
     slope_along,
 )
 from physics.bed.kernels.tangent import copy_blocks, hold_nodes, shift_tangent, solve
+from physics.bed.kernels.touch import clear_of_tubes
 from physics.bed.kernels.vectors import inner
 from physics.bed.kernels.wall import STRENGTH
 
@@ -156,6 +157,9 @@ def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) 
         far = largest(s, int(0))
         if rods:
             fraction = clear_of_rods(s.x, s.ends, s.stiff, s.rods, s.step, fraction)
+        fraction = clear_of_tubes(
+            s.x, s.ends, s.girth, s.stiff, s.touch, s.reach, 0.0, s.step, far, fraction
+        )
         # Nor does any node go farther in one step than a quarter of the beam.
         if fraction * far > 0.25 * span:
             fraction = 0.25 * span / far

@@ -38,7 +38,11 @@ CLEAR, LAG = 22, 23
 PACE, WALL_PACE, VISCOUS, SETTLED, PENDING, PUSHED = range(24, 30)
 
 
-SUM_ROWS = 30
+TRAVELLED = 30
+"""How far nodes may have come nearer to each other in ticks since the beginning, mm."""
+
+
+SUM_ROWS = 31
 
 
 CONTACT_STIFFNESS = 1.6
@@ -101,6 +105,10 @@ class State(NamedTuple):
     strand: Floats  # (STRAND_ROWS, S)
     damage: Floats  # (S,) 0 whole to 1 parted
     floor: Floats  # (N, 2) stiffness, N/mm, and height at rest, mm
+    # (C, 3) of each node that may touch another tube its number, that tube's elements from and to
+    touch: Ints
+    reach: Floats  # (C, REACH_COLUMNS) of the same, see `touch`
+    girth: Floats  # (E, 2) radii of the tube at the elements' ends, mm
     thick: Floats  # (N, 3) radius, mm, contact stiffness, N/mm, and reach of rods, mm
     rods: Floats  # (M, ROD_ROWS) mm
     # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch; `NO_CONTACT`

@@ -21,11 +21,13 @@ from physics.bed.kernels.state import (
     RADIUS,
     RELAXED,
     TIP,
+    TRAVELLED,
     State,
     copy_rows,
 )
 from physics.bed.kernels.step import TURN_LIMIT, keep_shape, largest, move
 from physics.bed.kernels.tangent import add_drag, hold_nodes, solve
+from physics.bed.kernels.touch import clear_of_tubes
 from physics.bed.kernels.vectors import dot, inlined
 
 # Into how many parts a tick may be divided in which rods move far; those that are not where they
@@ -86,9 +88,14 @@ def advance(
     keep_shape(s.x_kept, s.x, s.q_kept, s.q)
     turn = largest(s, int(3))
     taken = 1.0 if turn <= TURN_LIMIT else TURN_LIMIT / turn
-    if taken * largest(s, int(0)) > s.sums[CLEAR]:
+    farthest = largest(s, int(0))
+    if taken * farthest > s.sums[CLEAR]:
         taken = clear_of_rods(s.x, s.ends, s.stiff, s.rods, s.step, taken)
+    taken = clear_of_tubes(
+        s.x, s.ends, s.girth, s.stiff, s.touch, s.reach, s.sums[TRAVELLED], s.step, farthest, taken
+    )
     move(s, taken)
+    s.sums[TRAVELLED] += 2.0 * taken * farthest
     dragged = 0.0
     for n in range(s.x.shape[0]):
         size = s.thick[n, 0] * s.thick[n, 0]
