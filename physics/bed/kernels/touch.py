@@ -83,7 +83,7 @@ def piece(
 def nearest(
     x: Floats, p: Three, nodes: tuple[int, int, int], radii: Three, before: bool, after: bool
 ) -> tuple[float, float, float, float, Three]:
-    """Return the gap to a piece, where, whether it is stationary (f'') or 0, distance and way."""
+    """Return the gap to a piece, where, f'' there or 0 at its ends, distance and offset."""
     u, bend, gap, away, d = 0.5, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)
     for _ in range(MOST_TRIES):
         w, slope, curve = weights(u, before, after)
@@ -116,7 +116,7 @@ def tube_gap(
         gap = math.sqrt(dot(e, e)) - radius
         if gap < least:
             start, least = k, gap
-    found, least, at, bend, distance, way = -1, math.inf, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)
+    found, least, at, bend, distance, offset = -1, math.inf, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0)
     for number in range(first - 1, last + 1):
         k = start if number < first else number
         if number == start:
@@ -135,8 +135,8 @@ def tube_gap(
             continue
         gap, u, bends, away, d = nearest(x, p, nodes, radii, before, after)
         if gap < least:
-            found, least, at, bend, distance, way = k, gap, u, bends, away, d
-    return found, least, at, bend, distance, way
+            found, least, at, bend, distance, offset = k, gap, u, bends, away, d
+    return found, least, at, bend, distance, offset
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -211,19 +211,19 @@ def touch_pass(
         force = -reach[c, STIFFNESS] * gap * (1.0 - 0.5 * y) * left * left
         k = reach[c, STIFFNESS] * left * left * left
         energy += 0.5 * reach[c, STIFFNESS] * gap * gap * left
-        way = scaled(d, 1.0 / away)
+        normal = scaled(d, 1.0 / away)
         aside = turn = 0.0
         across = (0.0, 0.0, 0.0)
         if kind == INCREMENTAL:
             aside = force / away
             to = along(x, three, slope)
-            across = scaled(added(to, scaled(way, -dot(to, way))), 1.0 / away)
+            across = scaled(added(to, scaled(normal, -dot(to, normal))), 1.0 / away)
             turn = force / bend if bend > 0.0 else 0.0
         for a in range(4):
             if weight[a] == 0.0 and turning[a] == 0.0:
                 continue
             for r in range(3):
-                g[nodes[a], r] -= force * weight[a] * way[r]
+                g[nodes[a], r] -= force * weight[a] * normal[r]
             for b in range(a, 4):
                 both = weight[a] * weight[b]
                 if both == 0.0 and turning[a] * turning[b] == 0.0:
@@ -233,18 +233,18 @@ def touch_pass(
                     to_block = block_at(first_block, blocks, nodes[a], nodes[b])
                 for r in range(3):
                     for s in range(3):
-                        v = both * (k + aside) * way[r] * way[s]
+                        v = both * (k + aside) * normal[r] * normal[s]
                         if r == s:
                             v -= both * aside
-                        qa = -weight[a] * across[r] + turning[a] * way[r]
-                        qb = -weight[b] * across[s] + turning[b] * way[s]
+                        qa = -weight[a] * across[r] + turning[a] * normal[r]
+                        qb = -weight[b] * across[s] + turning[b] * normal[s]
                         v += turn * qa * qb
                         if a == b:
                             if s <= r:
                                 diagonal[nodes[a], r, s] += v
                         elif to_block < 0:
                             if s <= r:
-                                v = MAJORANT * abs(both) * k * way[r] * way[s]
+                                v = MAJORANT * abs(both) * k * normal[r] * normal[s]
                                 diagonal[nodes[a], r, s] += v
                                 diagonal[nodes[b], r, s] += v
                         elif nodes[a] < nodes[b]:
