@@ -57,7 +57,7 @@ def main(path: Path) -> None:
             running_browser(drawing=True) as browser,
             trainer_page(browser, trainer.address, width=SIZE[0], height=SIZE[1], dots=DOTS) as tab,
         ):
-            close_hint(tab)
+            close_hint(tab.page)
             first, *others = frames(tab, newest_dissection(trainer).state)
             durations = [FRAME_MS] * len(others) + [1500]
             first.save(
