@@ -17,6 +17,7 @@ from app.simulation import (
     Session,
     bed_named,
     exercises_offered,
+    not_offered,
     perform,
     specimen_in_bed,
 )
@@ -52,6 +53,8 @@ def measure_exercises(console: Console) -> dict[str, Any]:
     """Print and return who passes, and mean and standard deviation of the measures."""
     session = Session(specimen_in_bed(shipped_organ(), bed=bed_named(BED)), vertices=300)
     figures: dict[str, Any] = {}
+    for name, why in not_offered(session).items():
+        console.print(f"\nNot offered: {name}, {why}", highlight=False, soft_wrap=True)
     for offered in exercises_offered(session):
         opening = offered.opening
         assert opening is not None

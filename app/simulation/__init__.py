@@ -28,7 +28,7 @@ from app.simulation.exercise import (
     Outcome,
     Stay,
 )
-from app.simulation.exercise_limits import exercise_at, exercises_offered
+from app.simulation.exercise_limits import exercise_at, exercises_offered, not_offered
 from app.simulation.exercise_table import EXERCISES
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import HAND_SPEED, Grasper, Load
@@ -226,6 +226,7 @@ __all__ = [
     "has_careful_run",
     "loading_rates",
     "near_place",
+    "not_offered",
     "organ_beam",
     "perform",
     "performed",

@@ -38,7 +38,7 @@ from app.simulation.session import Session
 from app.simulation.spatial_tissue import FREED_FRACTION
 from app.simulation.specimen import Specimen
 
-__all__ = ["exercise_at", "exercises_offered"]
+__all__ = ["exercise_at", "exercises_offered", "not_offered"]
 
 # Deflection to hold, and its tolerance, over the deflection at break.
 HOLD_FRACTION, HOLD_TOLERANCE = 0.6, 0.05
@@ -93,9 +93,15 @@ def exercises_offered(session: Session, *, relaxes: bool = False) -> tuple[Exerc
     if specimen.anatomy is not None:
         return _at_anatomy(specimen.anatomy)
     if specimen.bed is not None:
-        threshold = session.tissue.threshold
-        return _in_bed(replace(specimen, threshold_MPa=threshold, relaxation=relaxes))
+        found = _in_bed(session, relaxes=relaxes).values()
+        return tuple(each for each in found if isinstance(each, Exercise))
     return () if specimen.theory is None else _of_free_duct(session.task_beam())
+
+
+def not_offered(session: Session) -> dict[str, str]:
+    """Return why exercises in a bed are not offered in a session's, by name."""
+    found = _in_bed(session, relaxes=False)
+    return {name: each for name, each in found.items() if isinstance(each, str)}
 
 
 def _exercise(
@@ -206,20 +212,20 @@ def _of_free_duct(duct: GraspedBeam) -> tuple[Exercise, ...]:
     )  # fmt: skip
 
 
-def _in_bed(specimen: Specimen) -> tuple[Exercise, ...]:
+def _in_bed(session: Session, *, relaxes: bool) -> dict[str, Exercise | str]:
     """Return the exercises in a bed; the scar's, and others in a bed with one, in their own."""
+    specimen = replace(session.specimen, threshold_MPa=session.tissue.threshold, relaxation=relaxes)
     bed = specimen.bed
     assert bed is not None  # noqa: S101 (the caller's)
     plain = bed if bed.patch is None else bed_named("normal")
     scarred = bed if bed.patch is not None else bed_named(SCAR)
     beds = zip(IN_BED, (plain, plain, scarred), strict=True)
-    found = [_offered(replace(specimen, bed=each), name) for name, each in beds]
-    return tuple(each for each in found if each is not None)
+    return {name: _offered(replace(specimen, bed=each), name) for name, each in beds}
 
 
 @lru_cache(maxsize=32)
-def _offered(specimen: Specimen, name: str) -> Exercise | None:
-    """Return an exercise with its limits and a seed, or None where good hands cannot do it."""
+def _offered(specimen: Specimen, name: str) -> Exercise | str:
+    """Return an exercise with its limits and a seed, or why good hands cannot do it."""
     bed, seed, kind = specimen.bed, specimen.bed_seed, EXERCISES[name]
     relaxes = bool(specimen.relaxation)
     assert bed is not None  # noqa: S101 (the caller's)
@@ -238,21 +244,24 @@ def _offered(specimen: Specimen, name: str) -> Exercise | None:
     )
     good = MANNERS[name]["good"]
     if not _passes(session, even, good):
-        return None
+        outcome = session.run.outcome
+        ended = session.run.standing if outcome is None else outcome.reason
+        return f"good hands do not pass in an even bed: {ended}"
     needed = session.metrics()
     ratio = kind.spare * needed["peak_stress_ratio"]
     if name == "window":
         _passes(session, even, Lift())
         ratio = max(ratio, WINDOW_RATIO * session.metrics()["peak_stress_ratio"])
     if ratio > LOOSEST:
-        return None
+        return f"its limit of stress would be {100.0 * ratio:.0f} % of the break"
     hidden = round(HIDDEN_FRACTION * session.spatial.beam.strands.count / span * goal.length_mm)
     limits = [Limit("peak_stress_ratio", ratio), Limit("strands_broken_out_of_sight", hidden)]
     if name == "free_scar":
         force = SPARE_FORCE * needed["maximum_instrument_force_N"]
         limits.append(Limit("maximum_instrument_force_N", force))
     exercises = (asked(bed, each, *limits) for each in range(seed, seed + MOST_SEEDS))
-    return next((each for each in exercises if _passes(session, each, good)), None)
+    passed = next((each for each in exercises if _passes(session, each, good)), None)
+    return passed or f"good hands pass with none of {MOST_SEEDS} seeds of the bed's scatter"
 
 
 def _goal(span: float, name: str, bed: BedPreset) -> tuple[FreeLength, tuple[float, float] | None]:

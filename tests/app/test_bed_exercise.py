@@ -17,6 +17,7 @@ from app.simulation import (
     Replay,
     Session,
     bed_named,
+    not_offered,
     perform,
     preset_named,
     read_run,
@@ -49,6 +50,7 @@ def offered(session: Session) -> dict[str, Exercise]:
 @pytest.mark.parametrize("bed", ["normal", "firm"])
 def test_good_hands_pass_and_others_are_told_why_they_fail(bed: str, seed: int) -> None:
     session = session_in(bed, seed)
+    assert not_offered(session) == {}
     for name, exercise in offered(session).items():
         for label, technique in MANNERS[exercise.name].items():
             session.start_exercise(exercise)
@@ -194,6 +196,8 @@ def test_limits_follow_the_bed_and_not_its_seed() -> None:
     tough = msgspec.structs.replace(bed_named("inflamed"), name="own", toughness_J_per_m2=200.0)
     session = bed_session(phantom(), bed=tough, vertices=300)
     assert "follow_front" not in offered(session)
+    why = not_offered(session)["follow_front"]
+    assert "of the break" in why or "good hands do not pass" in why
 
 
 @pytest.mark.parametrize("preset", ["porcine-bile-duct", "thesis-rubber"])
