@@ -52,7 +52,8 @@ def crossed_tubes(factor: float = 1.0, elements: int = 40) -> BedCheck:
     """Load a tube across another, `factor` times as stiff: P L^3/(48 E I) + P L/(4 G A) of each."""
     span, force = 40.0, 1e-4
     stiff = np.array([50.0, 400.0, 400.0, 60.0, 80.0, 80.0])
-    half, pins = 0.5 * span, ("pinned", "pinned")
+    half = 0.5 * span
+    pins: tuple[End, End] = ("pinned", "pinned")
     low = _straight((0, -half, 0), (0, half, 0), elements, factor * stiff, pins)
     high = _straight((-half, 0, 2), (half, 0, 2), elements, stiff, pins)
     made = BeamOnBed(Network({"low": low, "high": high}, touching=np.inf))
