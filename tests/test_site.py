@@ -93,6 +93,7 @@ def test_every_command_has_its_help_on_the_site(site: Path) -> None:
 
 def test_every_example_is_shown() -> None:
     others = {
+        "careful_run.py",
         "diagrams.py",
         "gallery.py",
         "clone_window.py",
@@ -101,7 +102,7 @@ def test_every_example_is_shown() -> None:
         "scope_film.py",
         "scope_stills.py",
         "search_window.py",
-    }  # that draw pages and films, learn long, or start workers
+    }  # that draw pages and films, record a run, learn long, or start workers
     scripts = {path.name for path in (ROOT / "examples").glob("*.py")} - others
     assert set(EXAMPLES) == scripts
 

@@ -534,7 +534,7 @@ def test_the_command_says_when_the_measures_are_others(
     (tmp_path / "forged.json").write_bytes(run_json(forged))
     replay(tmp_path / "forged.json")
     message = capsys.readouterr().out
-    assert f"{original.metrics['maximum_force_N']!r} N" in message
+    assert f"{original.metrics['maximum_force_N']:.6g} N" in message
     assert "yes" not in message.splitlines()[-1]
     assert path.exists()
 

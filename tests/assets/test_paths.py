@@ -7,7 +7,7 @@ def test_the_paths_exist_and_are_all_that_is_exported() -> None:
     paths = {
         *("ANATOMIES", "BEDS", "BILE_DUCT", "BILE_DUCT_PHANTOM"),
         *("EXPERIMENTS", "FREQUENCIES", "PRESETS", "RELAXATIONS"),
-        *("SCRIPTS", "TUBE_KINDS", "VALIDATION"),
+        *("RUNS", "SCRIPTS", "TUBE_KINDS", "VALIDATION"),
     }
     assert set(assets.__all__) == paths
     assert all(getattr(assets, name).exists() for name in paths)
