@@ -108,10 +108,10 @@ class Session:
 
     The skin has about `vertices` vertices, and `seed` chooses the raggedness of the torn rim;
     `broken_by_touch` and `grip_N` are those of a run's start: without a grip nothing slips. The
-    surfaces of a session that is not `watched` stay as they were at first. `tissue`, `drawn` and
-    `run` are public for reading;
-    `tissue` is another object after a choice of organ, preset, bed or exercise's bed, `run` after a
-    reset. A run starts with the first input and is over with the tear or the exercise.
+    surfaces of a session that is not `watched` stay as they were at first, and it keeps no earlier
+    tries. `tissue`, `drawn` and `run` are public for reading; `tissue` is another object after a
+    choice of organ, preset, bed or exercise's bed, `run` after a reset. A run starts with the first
+    input and is over with the tear or the exercise.
     """
 
     def __init__(
@@ -698,7 +698,7 @@ class Session:
     ) -> None:
         if self.run.started:
             self.run.finish()
-            if self.run.outcome is not None:
+            if self._watched and self.run.outcome is not None:
                 kept = self.run.file(OrganIdentity.of(self._organ), self.seed)
                 self._tries.append((kept, self.run.incidents()))
         self._start_run(exercise, feedback, inputs)

@@ -518,6 +518,15 @@ def test_earlier_tries_are_those_of_the_same_task_in_this_session() -> None:
     assert session.earlier_tries(session.run_file()) == []
 
 
+@pytest.mark.parametrize("watched", [True, False])
+def test_a_session_that_nobody_watches_keeps_no_tries(watched: bool) -> None:
+    session = Session(session_on(DUCTS[0]).specimen, vertices=300, watched=watched)
+    for _ in range(2):
+        session.start_exercise(exercises(session)[0])
+        perform(session, CAREFUL)
+    assert len(session.earlier_incidents("hold_stretch", 5)) == watched
+
+
 def test_an_exercise_s_clock_waits_for_the_first_pull() -> None:
     session = pull_session(phantom(), vertices=300)
     session.start_exercise(exercises(session)[1])
