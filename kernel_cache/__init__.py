@@ -23,7 +23,7 @@ import numba
 from numba import njit
 from numba.core import caching, config, event
 
-__all__ = ["SameTypes", "njit", "say_when_compiling", "side_by_side", "sources"]
+__all__ = ["SameTypes", "njit", "side_by_side", "sources"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -148,13 +148,7 @@ def side_by_side(kernel: F) -> F:
     return kernel
 
 
-_saying = False
-
-
-def say_when_compiling() -> None:
-    """Log a line when a kernel is next compiled, as a first start is silent for long otherwise."""
-    global _saying
-    _saying = True
+_LOGGER = logging.getLogger(__name__)
 
 
 class _Compilation(event.Listener):
@@ -169,11 +163,10 @@ class _Compilation(event.Listener):
         self._collected = False
 
     def on_start(self, event: Any) -> None:
-        global _saying
         if not self._was:
-            if _saying:
-                _saying = False
-                logging.getLogger(__name__).warning(
+            if _LOGGER.isEnabledFor(logging.INFO):  # somebody asked to be told, once
+                _LOGGER.setLevel(logging.WARNING)
+                _LOGGER.warning(
                     "Compiling, which takes up to some two minutes on a first start; the machine "
                     "code is kept for later ones."
                 )

@@ -23,7 +23,7 @@ from app.command_line import (
     trainer,
     validate,
 )
-from kernel_cache import say_when_compiling
+from app.compiling import say_when_compiling
 
 __all__ = ["main", "program"]
 

@@ -13,10 +13,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from app.compiling import say_when_compiling
 from app.rl.episode import Episode, Observation
 from app.rl.task import Task
 from app.simulation import TICKS_PER_SECOND, RunFile
-from kernel_cache import say_when_compiling
 
 __all__ = ["DissectionEnv", "DissectionVectorEnv"]
 

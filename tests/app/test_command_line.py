@@ -628,3 +628,8 @@ def test_a_first_run_in_a_terminal_tells_that_it_compiles(
     for _ in range(2):
         numba.njit(lambda x: x + 1)(1)
     assert caplog.text.count("Compiling") == terminal
+
+
+def test_the_program_starts_without_what_compiles() -> None:
+    code = "import sys, app.command_line.program; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
