@@ -67,8 +67,8 @@ class Result:
     @property
     def why(self) -> str:
         """What a try failed by, in a few words: an error, a limit, the time."""
-        if self.cause:
-            return ERROR_CLASSES[self.cause].title.lower()
+        if cause := self.cause:
+            return ERROR_CLASSES[cause].title.lower()
         return "time" if " were over" in self.run.reason else "a limit"
 
     @property

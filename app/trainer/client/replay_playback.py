@@ -114,6 +114,7 @@ class LivePlayback:
     title = "Live"
     live = True
     duration = time = 0.0  # it is now
+    speed = 1  # whatever is chosen: it goes on as the other page does
     playing = at_end = False
     incidents: Sequence[Incident] = ()
 

@@ -7,7 +7,6 @@ import viser
 
 from app.simulation import ERROR_CLASSES, Incident, RunFile, read_run, run_json
 from app.trainer.client.page_state import PageState
-from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.debrief import BEFORE, where
 from app.trainer.panel.export_box import add_export
@@ -111,8 +110,7 @@ class ReplayTab:
         if playback is None:
             self._of = None
             return
-        if isinstance(playback, ReplayPlayback):
-            playback.speed = SPEEDS.get(str(self._speed.value), 1)
+        playback.speed = SPEEDS.get(str(self._speed.value), 1)
         if fresh := self._of is not playback:
             self._of = playback
             self._time.max = max(round(playback.duration, 2), STEP)
