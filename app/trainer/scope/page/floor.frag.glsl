@@ -12,7 +12,7 @@ void main() {
 #ifndef PLAIN
   n = bumped(n, uv * 7.0, vec3(1, 0, 0), vec3(0, 1, 0), vec2(1, 0), 0.8);
 #endif
-  float rough = 0.48, wet = 0.45;
+  float rough = 0.42, wet = 0.9;
   soak(base, rough, wet, n, smoothN, f.g * 2.0, f.a * 2.0, t2.r, slopeOfFluid(vPlace, f.g));
   gl_FragColor = vec4(camera(lit(n, base, vec3(0.28, 0.14, 0.09), rough, wet, f.b)), 1.0);
 }

@@ -7,9 +7,10 @@ void main() {
   vec3 base = mix(vec3(0.26, 0.060, 0.040), vec3(0.36, 0.10, 0.062), t.r) * (0.85 + 0.3 * t2.r);
   base = mix(base, vec3(0.42, 0.19, 0.10), 0.30 * smoothstep(0.62, 0.80, t.r));
   vec3 across = vec3(0, 1, 0), up = normalize(cross(n, across));
-  n = bumped(n, uv * 1.5, across, up, vec2(1, 0), 1.1);
+  n = bumped(n, uv * 0.6 + 0.2, across, up, vec2(1, 0), 2.6);  // broad and shallow: no surface is even
+  n = bumped(n, uv * 1.5, across, up, vec2(1, 0), 1.6);
 #ifndef PLAIN
   n = bumped(n, uv * 8.0, across, up, vec2(0.8, 0.3), 0.55);
 #endif
-  gl_FragColor = vec4(camera(lit(n, base, vec3(0.16, 0.07, 0.05), 0.40, 0.75, 1.0)), 1.0);
+  gl_FragColor = vec4(camera(lit(n, base, vec3(0.16, 0.07, 0.05), 0.36, 1.1, 1.0)), 1.0);
 }

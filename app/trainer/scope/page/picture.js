@@ -10,6 +10,7 @@
   const NEAR = 1, FAR = 800, FIELD = Math.PI / 3;
   const BEAT_HZ = 1.2, SWELLS = 0.035;         // of an artery: heart's rate, and part of its radius
   const COARSE = 0.5;                          // dots a pixel of the plain look
+  const BEYOND = 60;                           // cells
   const ROUND = 1.10;                          // of half the picture's shorter side
   // Round the picture it is black, and darker towards its edge.
   const EDGE = "position: absolute; inset: 0; pointer-events: none; z-index: 1; background: radial-gradient(circle closest-side, "
@@ -74,8 +75,8 @@
       const field = () => {
         const position = new Float32Array(3 * sheet.size), normal = new Float32Array(3 * sheet.size);
         for (let k = 0; k < sheet.size; k++) {
-          position[3 * k] = sheet.x0 + (k % columns) * sheet.cell;
-          position[3 * k + 1] = sheet.y0 + Math.floor(k / columns) * sheet.cell;
+          position[3 * k] = sheet.x0 + spread(k % columns, columns) * sheet.cell;
+          position[3 * k + 1] = sheet.y0 + spread(Math.floor(k / columns), rows) * sheet.cell;
         }
         const geometry = make.geometry({ position: [position, 3], normal: [normal, 3], cover: [new Float32Array(sheet.size), 1] }, gridIndex(columns, rows, this.given.plain ? 2 : 1));
         return { position, normal, geometry };
@@ -99,7 +100,7 @@
         const geometry = make.geometry({ position: [new Float32Array(1.5 * place.length), 3], place: [place, 2], wall: [wall, 3] }, gridIndex(this.given.sides + 1, rings));
         const look = tube.look, own = {
           uFirst: tube.first, uCount: tube.count, uTorn: [-1, -1], uNick: new Float32Array(8), uPulse: 0, uColor: look.color, uDeep: look.deep,
-          uLook: [look.vessels, look.bumps, look.rough, look.wet], uCoat: [look.fibres, look.fat], uLump: look.lumps, uFold: look.folds,
+          uLook: [look.vessels, look.bumps, look.rough, look.wet], uCoat: [look.fibres, look.fat], uLump: look.lumps, uFold: look.folds, uOnto: tube.onto,
         };
         return { tube, uniforms: this.put(geometry, this.material(["tube.vert"], ["common", "wet", "tube.frag"], own, { side: 2 }), 2).material.uniforms };
       });
@@ -379,6 +380,9 @@
     }
     return new Uint32Array(index);
   };
+
+  // The outermost cells of the ground reach far: nowhere does one look past its edge.
+  const spread = (i, count) => i === 0 ? -BEYOND : i === count - 1 ? i + BEYOND : i;
 
   // Give a grid new heights, and normals of them.
   const raise = ({ position, normal, geometry }, heights, { columns, rows, cell }) => {

@@ -11,7 +11,9 @@ void main() {
   vec2 at = vPlace.xy - 0.45 * vPlace.z * n.xy * (1.0 - n.z), uv = at / 30.0;
   vec4 t = texture2D(uNoise, uv), big = texture2D(uNoise, uv * 0.55 + 0.23);
   vec4 t2 = NOISE(uv * 3.1 + 0.17, t.brga), wide = NOISE(uv * 0.43 + 0.6, big);
-  float edge = vCover + 0.20 * (t2.r - 0.5) + 0.34 * (big.g - 0.5) + 0.22 * (t.g - 0.5);
+  // Where little is left no crumbs of it hang on steep walls.
+  float crumbs = (1.0 - vCover) * (1.0 - smoothN.z);
+  float edge = vCover + 0.20 * (t2.r - 0.5) + 0.34 * (big.g - 0.5) + 0.22 * (t.g - 0.5) - 0.6 * crumbs;
   if (edge < 0.40) discard;
   float rim = 1.0 - smoothstep(0.40, 0.60, edge);
   float low = smoothstep(26.0, 4.0, vPlace.x);  // towards the duodenum the omentum is fatter

@@ -1,9 +1,10 @@
 // A tube's serosa: fine vessels, flecks of fat, loose fibres left on it, and what has bled over it.
 varying vec3 vAlong;
 varying vec2 vOn;
-varying float vRim;
+varying float vRim, vOnto;
 varying vec4 vGap;
 uniform vec3 uColor, uDeep;
+uniform vec4 uOnto;
 uniform vec4 uLook;     // vessels, bumps, roughness, wetness
 uniform vec2 uCoat;     // loose fibres, and fat
 uniform vec4 uWell[4];  // where blood flows out: place, and mm^3/s; below zero: bile
@@ -15,7 +16,7 @@ void main() {
   vec3 smoothN = n, round = normalize(cross(n, vAlong));
   vec2 uv = vOn / 34.0;
   vec4 t = texture2D(uNoise, uv), t2 = texture2D(uNoise, uv * 3.3 + 0.4), t3 = NOISE(uv.yx * vec2(2.0, 0.8), t2.gbra);
-  vec3 base = mix(uColor, uDeep, 0.75 * smoothstep(0.35, 0.75, t.r)) * (0.84 + 0.34 * t2.r);
+  vec3 base = mix(mix(uColor, uDeep, 0.75 * smoothstep(0.35, 0.75, t.r)), uOnto.rgb, vOnto) * (0.84 + 0.34 * t2.r);
   base = mix(base, vec3(0.45, 0.03, 0.025), uLook.x * (0.75 * t.a + 0.65 * t2.a));
   base = mix(base, vec3(0.80, 0.66, 0.56), uCoat.x * smoothstep(0.45, 0.85, t3.b) * smoothstep(0.40, 0.6, t.r));
   float fleck = uCoat.y * smoothstep(0.52, 0.66, t2.r * 0.6 + t.g * 0.4) * smoothstep(0.45, 0.60, t3.r);

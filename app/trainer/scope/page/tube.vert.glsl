@@ -9,6 +9,8 @@ varying vec3 vPlace, vNormal, vAlong;
 varying vec2 vOn;
 uniform vec4 uNick[2];  // walls torn part of the way: place, angle, depth (0: none), half-width
 varying float vRim;  // elements to a torn end
+uniform vec4 uOnto;  // colour of the tube that it goes on as, and its element there
+varying float vOnto;
 varying vec4 vGap;  // of both nicks: across and along them, 1 at the edge of what is open
 vec4 node(float i, float row) { return texelFetch(uNodes, ivec2(int(uFirst + i), int(row)), 0); }
 void main() {
@@ -41,6 +43,8 @@ void main() {
   // A torn end shrinks together and is uneven.
   r *= 1.0 - 0.30 * smoothstep(0.7, 0.0, vRim);
   vPlace = m.xyz + r * outward;
+  // A whole end is a dome: between two tubes that meet at an angle no gap is left.
+  if (wall.x == 0.0 && vRim > 1.0) vPlace -= 0.8 * m.w * sign(wall.y) * along;
   vGap = vec4(9.0);
   for (int k = 0; k < 2; k++) if (uNick[k].z > 0.0) {
     // What is beyond the tear's front goes down to it.
@@ -59,6 +63,7 @@ void main() {
     vNormal = normalize(vNormal + 0.30 * near * normalize(w + 1e-3));
   }
   vAlong = along;
+  vOnto = exp(-1.5 * abs(s - uOnto.w));
   vOn = vec2(mm, place.y * max(m.w, 0.8));
   gl_Position = projectionMatrix * (modelViewMatrix * vec4(vPlace, 1.0));
 }

@@ -14,8 +14,10 @@ void main() {
   float hole = mix(0.05, 0.42, max(thin, 0.75 * taut) * (0.4 + 0.6 * mid));
   hole += 0.6 * gone * smoothstep(0.35, 0.75, mid + 0.5 * (g.b - 0.5));
   float body = smoothstep(hole, hole + 0.30, 0.55 * f.r + 0.45 * fibre);
-  float side = smoothstep(0.0, 0.12, x) * smoothstep(1.0, 0.88, x), both = smoothstep(0.0, 0.10, t) * smoothstep(1.0, 0.86, t);
-  float alpha = body * (0.30 + 0.16 * taut + 0.26 * smoothstep(0.52, 0.80, fibre)) * mix(0.7, 1.0, side) * mix(0.35, 1.0, both);
+  // Frayed at its sides, where the next film overlaps it.
+  float fray = x + 0.3 * (g.b - 0.5), side = smoothstep(0.0, 0.35, fray) * smoothstep(1.0, 0.65, fray);
+  float both = smoothstep(0.0, 0.10, t) * smoothstep(1.0, 0.86, t);
+  float alpha = body * (0.30 + 0.16 * taut + 0.26 * smoothstep(0.52, 0.80, fibre)) * side * mix(0.35, 1.0, both);
   alpha *= 1.0 - smoothstep(0.75, 1.0, gone) * smoothstep(0.05, 0.45, mid + 0.5 * (fibre - 0.5));
   if (alpha < 0.02) discard;
   vec3 n = normalize(vNormal), v = normalize(uEye - vPlace);
