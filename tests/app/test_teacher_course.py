@@ -93,7 +93,14 @@ def test_rows_by_need_and_a_grid_of_people_and_levels(teacher: Page, running: Tr
     label = curve.get_attribute("aria-label") or ""
     assert label.startswith("Incidents of 8 tries, the first 8, the last 0; it leads to ")
     assert curve.locator("polyline").count() == 1
-    assert faults(teacher, "teacher") == []
+    for width, height in ((390, 844), (640, 400), (1280, 800)):
+        teacher.set_viewport_size({"width": width, "height": height})
+        assert faults(teacher, f"teacher, {width} wide") == []
+        assert teacher.evaluate("() => document.scrollingElement.scrollWidth") <= width
+        # Why somebody needs help is read without moving it sideways.
+        box = needs.first.bounding_box()
+        assert box is not None
+        assert box["x"] + box["width"] <= width
     # A level for one, and for all.
     store = running._lesson.store if running._lesson else None
     assert store is not None

@@ -10,6 +10,7 @@ from browser import (
     CAMERA_NEAR,
     RADIUS,
     TrainerPage,
+    _newest,
     newest,
     settle,
     stage_pixel,
@@ -19,6 +20,7 @@ from browser import (
 from playwright.sync_api import Browser, Page, expect
 
 from app.simulation import Session
+from app.trainer.client.practice import SCENES, SceneName
 from app.trainer.server.trainer import Trainer
 
 
@@ -207,30 +209,71 @@ def test_tabs_stand_in_one_row_with_any_font(
         expect(tab.page.locator(".tabler-icon-adjustments")).to_be_hidden()  # viser's settings
 
 
-def test_axe_finds_nothing_serious_on_any_tab_or_dialog(browser: Browser, trainer: Trainer) -> None:
+STARTS: dict[SceneName, tuple[str, ...]] = {"calot": ("x", "ArrowUp"), "bed": ("g", "ArrowUp")}
+"""Keys by which a hand begins a run."""
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_axe_finds_nothing_serious_on_any_tab_or_dialog(
+    browser: Browser, trainer: Trainer, scene: SceneName
+) -> None:
     with trainer_page(browser, trainer.address, first_minute=True) as tab:
         page, dialog = tab.page, tab.page.get_by_role("dialog")
-        dialog.wait_for()
         no_faults(tab, "first minute")
+        expect(dialog.get_by_role("button", name="Start")).to_be_focused()
         page.keyboard.press("Escape")
         expect(dialog).to_have_count(0)
-        for name in ("Learn", "Compare", "Replay", "Build", "Model", "Train"):
+        if scene != "free":
+            tab.press(SCENES[scene].label)
+        view = _newest(trainer, scene)
+        tabs = page.get_by_role("tab")
+        expect(tabs).to_have_count(3 if scene == "calot" else 6)
+        for name in (*tabs.all_text_contents()[1:], "Train"):
             tab.open(name)
             no_faults(tab, name)
         tab.press("Help")
         dialog.wait_for()
         no_faults(tab, "Help")
         page.keyboard.press("Escape")
+        expect(dialog).to_have_count(0)
         page.keyboard.press("h")
-        page.keyboard.press("t")
-        tab.wait_for_phase("torn")
-        no_faults(tab, "torn, in the colours of its stress")
+        if scene == "free":
+            page.keyboard.press("t")
+            tab.wait_for_phase("torn")
+            no_faults(tab, "torn, in the colours of its stress")
+        else:
+            for key in STARTS[scene]:
+                page.keyboard.press(key)
+            tab.wait_until(lambda: view.session.run.started)
+            page.keyboard.press("r")
         tab.open("Learn")
         tab.press("Result of the last run")
         dialog.wait_for()
-        no_faults(tab, "Result")
+        for name in dialog.get_by_role("tab").all_text_contents():
+            dialog.get_by_role("tab", name=name).click()
+            no_faults(tab, f"Result, {name}")
         page.keyboard.press("Escape")
         expect(dialog).to_have_count(0)
+
+
+def test_axe_finds_nothing_serious_in_a_series_of_pictures(
+    browser: Browser, trainer: Trainer
+) -> None:
+    with trainer_page(browser, trainer.address) as tab:
+        page, dialog = tab.page, tab.page.get_by_role("dialog")
+        tab.press(SCENES["calot"].label)
+        view = _newest(trainer, "calot")
+        tab.open("Learn")
+        expect(page.get_by_role("button", name="Start", exact=True)).to_be_enabled()
+        tab.choose("Exercise", "Who is who")
+        tab.press("Start")
+        tab.wait_until(lambda: view.state.in_exercise)
+        no_faults(tab, "a picture")
+        tab.press("Not yet safe")
+        dialog.wait_for()
+        for name in dialog.get_by_role("tab").all_text_contents():
+            dialog.get_by_role("tab", name=name).click()
+            no_faults(tab, f"Result of a picture, {name}")
 
 
 def message(tab: TrainerPage) -> str:

@@ -7,7 +7,7 @@ import viser
 from app.simulation import Session
 from app.trainer.panel.controls import on_click, on_input
 from app.trainer.panel.dialog import dialog
-from app.trainer.viser_bridge.page import letter_keys_on, set_letter_keys
+from app.trainer.viser_bridge.page import begin_html, letter_keys_on, set_letter_keys
 
 __all__ = ["SEEN", "Key", "first_minute", "keys_of", "show_first_minute", "show_help"]
 
@@ -64,8 +64,8 @@ _FREE_LINES = (
 _ANATOMY_LINES = (
     "<b>Press in the picture</b> and the tip comes under the pointer; <b>drag</b> to lead it. The "
     "<b>wheel</b>, or two fingers, take it into the picture and out.",
-    "The <b>right button</b>, or <b>G</b>, takes hold of the gallbladder, or lets go: pull it "
-    "gently. <b>X</b> goes on to the other hand, which parts the loose tissue.",
+    "The <b>right button</b>, <b>G</b> or <b>Take hold</b> takes hold of the gallbladder, or lets "
+    "go: pull it gently. <b>X</b> goes on to the other hand, which parts the loose tissue.",
     "Clear the triangle until <b>two tubes alone</b> run into the gallbladder. Tear nothing. "
     "<b>Reset</b> makes all whole.",
 )
@@ -156,7 +156,7 @@ def show_first_minute(client: viser.ClientHandle, session: Session) -> None:
         client.local_storage.set_item(SEEN, "1")
 
     with dialog(gui, "Blunt-dissection trainer", closed=remember) as close:
-        gui.add_html(first_minute(session))
+        gui.add_html(first_minute(session) + begin_html())
         on_click(gui.add_button("Start", icon=viser.Icon.HAND_MOVE), close)
 
 

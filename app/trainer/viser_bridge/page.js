@@ -2,7 +2,7 @@
 //
 // It leans on the page as viser 1.1.1 makes it: window.__viserMutable (scene, camera, canvas,
 // sendMessage), class names of its widgets (Mantine 9) and data-dock- attributes of its panels.
-(css, closerClass, letterKeys) => {
+(css, closerClass, beginClass, letterKeys) => {
 if (window.bluntdissect) return;
 const page = window.bluntdissect = {};
 const viewer = () => window.__viserMutable;
@@ -238,6 +238,16 @@ window.addEventListener("keydown", event => {
   [...document.querySelectorAll("button")].find(each => each.textContent.trim() === "Help")?.click();
 });
 
+// The focus of a dialog that begins something is on what begins it.
+const begun = new WeakSet();
+const offer = () => {
+  const button = document.querySelector(`:has(> .${beginClass}) + * button`);
+  if (!button || begun.has(button)) return;
+  begun.add(button);
+  button.dataset.autofocus = "";  // for viser's own look for what to focus, which comes before or after
+  button.focus();
+};
+
 // Dialogs close by Escape and by a click beside them, as by the button in their corner.
 const closer = dialog => dialog?.querySelector(`:has(> .${closerClass}) + * button`);
 window.addEventListener("keydown", event => {
@@ -359,7 +369,7 @@ let due = false;
 new MutationObserver(() => {
   if (due) return;
   due = true;
-  setTimeout(() => { due = false; tend(); keepFocus(); }, 100);
+  setTimeout(() => { due = false; tend(); offer(); keepFocus(); }, 100);
 }).observe(document.body, {childList: true, subtree: true, attributeFilter: ["aria-disabled"]});
 tend();
 }

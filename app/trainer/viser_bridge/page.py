@@ -18,7 +18,7 @@ from app.trainer.viser_bridge.private_api import page_number, queue_script
 ANSWER_SECONDS = 4.0
 # s that a page may take for its first answer; its reader waits in a thread of its own.
 OPENING_SECONDS = 15.0
-_CLOSER, _PAIRS = "bd-closer", "bd-pairs"  # as in page.css
+_CLOSER, _BEGIN, _PAIRS = "bd-closer", "bd-begin", "bd-pairs"  # as in page.css
 _LETTER_KEYS = "letter-keys"
 
 
@@ -31,7 +31,7 @@ def file_text(path: Path) -> str:
 def prepare_page(client: viser.ClientHandle) -> None:
     """Give a page its style, and the script that the other functions here need; call it first."""
     script, style = (file_text(Path(__file__).with_name(name)) for name in ("page.js", "page.css"))
-    queue_script(client.gui, _called(f"({script})", (style, _CLOSER, _LETTER_KEYS)))
+    queue_script(client.gui, _called(f"({script})", (style, _CLOSER, _BEGIN, _LETTER_KEYS)))
 
 
 def announce(client: viser.ClientHandle, words: str) -> None:
@@ -111,6 +111,11 @@ def set_letter_keys(client: viser.ClientHandle, on: bool) -> None:
 def closer_html() -> str:
     """Return the HTML mark that makes a dialog's next button its closing button."""
     return f"<div class='{_CLOSER}'></div>"
+
+
+def begin_html() -> str:
+    """Return the HTML mark that gives a dialog's next button the focus."""
+    return f"<div class='{_BEGIN}'></div>"
 
 
 def pairs_html() -> str:
