@@ -1,7 +1,8 @@
 """A duct in its bed in a real browser: hands, read-out, tear, bed, and the page's two modes."""
 
 import re
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from itertools import chain, repeat
 from typing import Literal
 
@@ -20,6 +21,8 @@ from app.simulation import (
     Hand,
     Incident,
     Outcome,
+    Replay,
+    Series,
     Session,
     bed_named,
     perform,
@@ -481,6 +484,50 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         tab.wait_until(lambda: view.state.playback is None)
 
 
+def test_a_result_is_there_before_its_run_is_replayed(
+    browser: Browser, dissections: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the run itself has told needs no replay; what is closed is computed no further."""
+    may_go_on, whole = threading.Event(), Replay.series
+
+    def held(replay: Replay, look: Callable[[int], object] = lambda _: None) -> Series:
+        may_go_on.wait()
+        return whole(replay, look)
+
+    def at_work() -> int:
+        return sum(each.name == "result" for each in threading.enumerate())
+
+    monkeypatch.setattr(Replay, "series", held)
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        session, page, dialog = view.session, tab.page, tab.page.get_by_role("dialog")
+        exercise = next(e for e in bed_exercises(session) if e.name == "follow_front")
+        view.state.start_exercise(exercise, Feedback.SUMMARY)
+        stop_time(tab, dissections, view)
+        perform(session, MANNERS["follow_front"]["clumsy"])
+        page.get_by_test_id("outcome").wait_for()
+        expect(page.get_by_test_id("error")).to_have_count(len(session.run.incidents()))
+        expect(page.get_by_test_id("timeline")).to_have_count(0)
+        dialog.get_by_role("tab", name="Measures").click()
+        expect(dialog.get_by_role("button", name="Download CSV")).to_be_disabled()
+        expect(dialog.get_by_role("button", name="Download JSON")).to_be_enabled()
+        dialog.get_by_role("tab", name="Over time").click()
+        expect(dialog).to_contain_text("The run is replayed for this")
+        page.keyboard.press("Escape")
+        expect(dialog).to_have_count(0)
+        assert at_work() == 1
+        may_go_on.set()
+        tab.wait_until(lambda: at_work() == 0)
+        tab.open("Learn")
+        tab.press("Result of the last run")
+        expect(page.get_by_test_id("timeline")).to_be_visible()
+        expect(page.get_by_test_id("debrief-numbers")).to_contain_text("scripted expert")
+        expect(dialog.get_by_role("button", name="Show me")).to_be_enabled()
+        dialog.get_by_role("tab", name="Measures").click()
+        expect(dialog.get_by_role("button", name="Download CSV")).to_be_enabled()
+        page.keyboard.press("Escape")
+
+
 def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand(
     browser: Browser, dissections: Trainer
 ) -> None:
@@ -547,7 +594,7 @@ def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand
         # The end of a run may open it at the same time: then one dialog is left, which is alive.
         kept = view.state.last_run
         assert kept is not None
-        view._panel.show_result(kept)
+        view._panel.show_result(kept, view.state.last_errors)
         expect(page.get_by_role("dialog")).to_have_count(1)
         page.get_by_role("button", name="Expert there").first.click()
         tab.wait_until(lambda: view.state.playback is not None)

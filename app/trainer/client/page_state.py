@@ -71,7 +71,8 @@ class PageState:
     `hand` is the number of the active hand, which the mouse on the duct and the keys lead.
     `colours`, `overlay` (the model's points), `plain` (the simple picture) and `into_picture`
     (whether drags go there) are the client's choices; `last_run` the last run that ended or was
-    given up, to be judged and replayed, and `kept` is called when there is one.
+    given up, to be judged and replayed, `last_errors` its errors, and `kept` is called when there
+    is one.
     `exercise_inputs` says which inputs count in exercises, and `policy` starts one beside them.
     """
 
@@ -88,6 +89,7 @@ class PageState:
         self.exercise_inputs: ExerciseInputs = exercise_inputs
         self._panels = 0  # that have been removed
         self.last_run: RunFile | None = None
+        self.last_errors: Sequence[Incident] = ()
         self.close_result: Callable[[], object] = lambda: None
         # the run whose end the page has shown
         self.announced: object = session.run if session.run.over else None
@@ -267,6 +269,7 @@ class PageState:
 
     def remove_panel(self) -> None:
         """Remove the panel; what workers still do for it is dropped."""
+        self.close_result()
         self._panels += 1
         self.client.gui.reset()
 
@@ -283,7 +286,7 @@ class PageState:
     def keep_run(self) -> None:
         """Keep the run so far as the last one, if there was any input."""
         with suppress(ValueError):  # there was none
-            self.last_run = self.run_so_far()
+            self.last_run, self.last_errors = self.run_so_far(), self.session.run.incidents()
             self.kept()
 
     def run_at_hand(self) -> RunFile | None:

@@ -24,7 +24,7 @@ from app.trainer.panel.controls import command
 from app.trainer.panel.plots import DISTANCE_COLOUR, HAND_COLOURS, LIMIT_COLOUR
 from app.trainer.viser_bridge.private_api import page_number
 
-__all__ = ["BEFORE", "Done", "add_debrief", "next_time", "where"]
+__all__ = ["BEFORE", "Debrief", "Done", "next_time", "where"]
 
 BEFORE = 1.0
 """s before an error from which its moment is played."""
@@ -33,6 +33,8 @@ MOST_ERRORS = 12
 MOST_POINTS = 300
 WIDTH, HEIGHT, LEFT, ROW = 260.0, 80.0, 30.0, 15.0
 """px of the picture, of its curve, of the room left of it, and of a hand's row of marks."""
+TIMELINE_PX = 190
+"""Height of the picture and its words."""
 LIST_PX = 150
 """Height of the list of errors, which scrolls: all else fits beside it on a small screen."""
 HANDS = ("left hand", "right hand")
@@ -100,72 +102,106 @@ def next_time(
     return "Lose no time where nothing is under load, and go on slowly where the wall is."
 
 
-def add_debrief(
-    gui: viser.GuiApi,
-    exercise: Exercise | None,
-    done: Done,
-    expert: Done | None,
-    marks: Mapping[str, float],
-    advice: str,
-    play: Callable[[float], object],
-    play_expert: Callable[[float], object],
-) -> Callable[[], None]:
-    """Add a run's debrief; return what forgets its commands once it is closed."""
-    # `marks` are a course's benchmarks by metric; `play` and `play_expert` play the run and the
-    # expert's from a time, s, on.
-    series, incidents = done.series, done.incidents[:MOST_ERRORS]
-    in_space = "stress_ratio" in series.columns
-    limits = {} if exercise is None else exercise.limit_of
-    aligned = expert is not None and exercise is not None and isinstance(exercise.goal, FreeLength)
-    same = _same_freed(series, expert.series) if aligned and expert is not None else None
-    commands: list[viser.CommandHandle] = []
+class Debrief:
+    """A run's debrief in a tab, shown anew when more of the run is known.
 
-    def runs(name: str, hint: str, act: Callable[[], object]) -> str:
-        commands.append(command(gui, name, hint, act, slow=True))
-        return page_number(commands[-1])
+    Parameters
+    ----------
+    gui
+        The tab's.
+    exercise, advice
+        What was to be done, and what to do next time.
+    marks
+        A course's benchmarks by metric.
+    in_space
+        Whether hands have led the run in space.
+    play, play_expert
+        Play the run, and the expert's, from a time, s, on.
+    """
 
-    moments: list[str] = []
-    rows: list[str] = []
-    for number, each in enumerate(incidents, 1):
-        at = max(each.start_s - BEFORE, 0.0)
-        title = f"{number}. {ERROR_CLASSES[each.error].title}, {each.start_s:.1f} s"
-        moments.append(runs(title, f"Play it from {at:.1f} s on", partial(play, at)))
-        buttons = _button(moments[-1], title, f"Play it from {at:.1f} s on")
-        if same is not None:
-            there = float(same[min(np.searchsorted(series["time_s"], at), len(same) - 1)])
-            hint = "Play the scripted expert from where as much is free"
-            uuid = runs(f"{number}. The expert there", hint, partial(play_expert, there))
-            buttons += " " + _button(uuid, "Expert there", hint)
-        small = where(each, hands=in_space)
-        rows.append(
-            f"<li data-testid='error' style='margin:0 0 8px'>{buttons}<div>"
-            f"{html.escape(each.sentence)} <small>{html.escape(small)}</small></div></li>"
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        exercise: Exercise | None,
+        advice: str,
+        marks: Mapping[str, float],
+        play: Callable[[float], object],
+        play_expert: Callable[[float], object],
+        *,
+        in_space: bool,
+    ) -> None:
+        self._gui, self._exercise, self._advice, self._marks = gui, exercise, advice, marks
+        self._play, self._play_expert, self._in_space = play, play_expert, in_space
+        self._html = gui.add_html("")
+        self._commands: dict[tuple[str, int], viser.CommandHandle] = {}
+
+    def show(self, done: Done, expert: Done | None = None) -> None:
+        """Show a run, with what it is compared with; a series without columns is not yet known."""
+        series, incidents = done.series, done.incidents[:MOST_ERRORS]
+        exercise = self._exercise
+        limits = {} if exercise is None else exercise.limit_of
+        known = bool(series.columns)
+        aligned = known and exercise is not None and isinstance(exercise.goal, FreeLength)
+        same = _same_freed(series, expert.series) if aligned and expert is not None else None
+        moments: list[str] = []
+        rows: list[str] = []
+        for number, each in enumerate(incidents, 1):
+            at = max(each.start_s - BEFORE, 0.0)
+            title = f"{number}. {ERROR_CLASSES[each.error].title}, {each.start_s:.1f} s"
+            hint = f"Play it from {at:.1f} s on"
+            moments.append(self._command("mine", number, title, hint, partial(self._play, at)))
+            buttons = _button(moments[-1], title, hint)
+            if same is not None:
+                there = float(same[min(np.searchsorted(series["time_s"], at), len(same) - 1)])
+                hint, act = "Play the scripted expert from where as much is free", self._play_expert
+                named = f"{number}. The expert there"
+                uuid = self._command("expert", number, named, hint, partial(act, there))
+                buttons += " " + _button(uuid, "Expert there", hint)
+            small = where(each, hands=self._in_space)
+            rows.append(
+                f"<li data-testid='error' style='margin:0 0 8px'>{buttons}<div>"
+                f"{html.escape(each.sentence)} <small>{html.escape(small)}</small></div></li>"
+            )
+        more = len(done.incidents) - MOST_ERRORS
+        if more > 0:
+            rows.append(f"<li>And {more} more, which a replay shows.</li>")
+        errors = (
+            f"<ol style='list-style:none;margin:6px 0 0;padding:0;max-height:{LIST_PX}px;"
+            f"overflow-y:auto' tabindex='0' aria-label='Errors'>{''.join(rows)}</ol>"
+            if rows
+            else "<p data-testid='errors'>No errors were found in this run.</p>"
         )
-    if len(done.incidents) > MOST_ERRORS:
-        rows.append(f"<li>And {len(done.incidents) - MOST_ERRORS} more, which a replay shows.</li>")
-    errors = (
-        f"<ol style='list-style:none;margin:6px 0 0;padding:0;max-height:{LIST_PX}px;"
-        f"overflow-y:auto' tabindex='0' aria-label='Errors'>{''.join(rows)}</ol>"
-        if rows
-        else "<p data-testid='errors'>No errors were found in this run.</p>"
-    )
-    phrases = [_numbers_html(done, expert, limits, marks)]
-    if len(series["time_s"]):
-        limit = limits.get("peak_stress_ratio")
-        phrases.append(_timeline_html(series, expert, same, limit, incidents, moments, in_space))
-    gui.add_html(
-        "<div style='padding:0 12px 8px;font-size:13px;line-height:1.4'>"
-        f"<p data-testid='next-time' style='margin:0 0 6px;font-size:14px'><b>Next time:</b> "
-        f"{html.escape(advice)}</p>"
-        f"<div style='display:flex;flex-wrap:wrap;gap:4px 12px;align-items:flex-start'>"
-        f"{''.join(phrases)}</div>{errors}</div>"
-    )
+        phrases = [_numbers_html(done, expert, limits, self._marks)]
+        if known and len(series["time_s"]):
+            limit = limits.get("peak_stress_ratio")
+            phrases.append(
+                _timeline_html(series, expert, same, limit, incidents, moments, self._in_space)
+            )
+        elif not known:  # its room is kept, so that nothing moves under the mouse
+            phrases.append(
+                f"<div style='flex:1 1 190px;max-width:320px;height:{TIMELINE_PX}px'></div>"
+            )
+        self._html.content = (
+            "<div style='padding:0 12px 8px;font-size:13px;line-height:1.4'>"
+            f"<p data-testid='next-time' style='margin:0 0 6px;font-size:14px'><b>Next time:</b> "
+            f"{html.escape(self._advice)}</p>"
+            f"<div style='display:flex;flex-wrap:wrap;gap:4px 12px;align-items:flex-start'>"
+            f"{''.join(phrases)}</div>{errors}</div>"
+        )
 
-    def forget() -> None:
-        for each in commands:
+    def forget(self) -> None:
+        """Remove its commands, once it is closed."""
+        for each in self._commands.values():
             each.remove()
 
-    return forget
+    def _command(
+        self, whose: str, number: int, name: str, hint: str, act: Callable[[], object]
+    ) -> str:
+        """Return the page's number of a command, which is made once: a button keeps its focus."""
+        key = whose, number
+        if key not in self._commands:
+            self._commands[key] = command(self._gui, name, hint, act, slow=True)
+        return page_number(self._commands[key])
 
 
 def _button(uuid: str, text: str, hint: str) -> str:

@@ -190,7 +190,7 @@ class ExerciseTab:
     def _show_last(self) -> None:
         state, run = self._state, self._state.last_run
         if run is not None:
-            state.attempt("Measuring the run.", lambda: show_result(state, run, self._replay))
+            show_result(state, run, state.last_errors, self._replay)
 
     def _describe(self) -> None:
         exercise = self._exercise

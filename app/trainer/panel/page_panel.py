@@ -120,9 +120,9 @@ class PagePanel:
         """Whether something shown has to go on although nothing has moved."""
         return self._train.needs_redraw
 
-    def show_result(self, run: RunFile) -> None:
-        """Open the result page of a run; replaying the run for its plots takes a while."""
-        show_result(self._state, run, self.replay)
+    def show_result(self, run: RunFile, incidents: Sequence[Incident]) -> None:
+        """Open the result page of a run."""
+        show_result(self._state, run, incidents, self.replay)
 
     def replay(
         self, run: RunFile, at: float = 0.0, incidents: Sequence[Incident] | None = None

@@ -2,6 +2,7 @@
 
 import base64
 import html
+import threading
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import TypeAlias
@@ -29,7 +30,7 @@ from app.simulation import (
 from app.trainer.client.page_state import PageState
 from app.trainer.client.picture_series import PICTURES
 from app.trainer.panel.controls import note, on_click, rows_html
-from app.trainer.panel.debrief import Done, add_debrief, next_time
+from app.trainer.panel.debrief import Debrief, Done, next_time
 from app.trainer.panel.dialog import dialog
 from app.trainer.panel.frame import LEARN
 from app.trainer.panel.measures_table import measures_html, outcome_html
@@ -46,10 +47,17 @@ _BESIDE = (
     "<b>Try</b>: your earlier tries of this session at the same task. <b>Expert</b>: a scripted "
     "hand, careful and steady, at the same task; it is no surgeon."
 )
+_REPLAYED = "The run is replayed for this, which takes a while."
+PROGRESS_TICKS = 150
+"""Between two words of how far that is."""
 SHOW_ME = "A scripted hand does it, careful and steady; it is no surgeon"
 NO_SERIES = Series((), ())
 """Of an expert's run that is not compared tick by tick."""
 _SLIDERS = "Sliders and keys were allowed in this exercise."
+
+
+class _ClosedError(Exception):
+    """The result was closed before all of it was there."""
 
 
 def _expert(run: RunFile, state: PageState) -> CarefulRun | None:
@@ -114,32 +122,26 @@ def _seen_html(seen: Sequence[Seen]) -> str:
 def show_result(
     state: PageState,
     run: RunFile,
+    incidents: Sequence[Incident],
     watch: Watch,
 ) -> None:
     """Open a run's result over the trainer: how it ended, its errors, measures, and what is next.
 
-    Replaying the run takes a while.
+    What the run's end has told is there at once. Its plots, what was seen and the expert's run
+    follow: for them it is replayed in a thread of its own, until the result is closed.
     """
     gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
-    replay = state.replay_of(run, vertices=FEW)
-    at_anatomy = exercise is not None and run.log.start.anatomy is not None
-    sights = Sights(replay.session, run.log.ticks) if at_anatomy else None
-    # A run is computed once: its errors are there once its series is.
-    series = replay.series() if sights is None else replay.series(sights.look)
-    incidents = replay.incidents()
-    expert = _expert(run, state)
-    best: Done | None = None
-    if expert is not None:
-        best = Done(expert.run.metrics, expert.incidents, NO_SERIES)
-        if exercise is not None and isinstance(exercise.goal, FreeLength):
-            beside = state.replay_of(expert.run, vertices=FEW).series()
-            best = best._replace(series=beside)
-    measures = measures_html(
-        run.metrics,
-        _beside(state.session.earlier_tries(run), None if best is None else best.metrics),
-        {} if exercise is None else exercise.limit_of,
-        sought_break=_seeks_break(exercise),
-    )
+    experts: list[CarefulRun] = []
+    computed: list[Series] = []
+
+    def measures(expert: Metrics | None) -> str:
+        return measures_html(
+            run.metrics,
+            _beside(state.session.earlier_tries(run), expert),
+            {} if exercise is None else exercise.limit_of,
+            sought_break=_seeks_break(exercise),
+        )
+
     by_sliders = exercise is not None and run.log.exercise_inputs == "any"
     tries = [incidents]
     if exercise is not None:
@@ -151,8 +153,11 @@ def show_result(
         else next_time(exercise, run.outcome, run.metrics, tries)
     )
     forget: list[Callable[[], None]] = []
+    closed = threading.Event()
     state.close_result()  # of two dialogs the lower one could not be reached
-    with dialog(gui, "Result", closed=lambda: [each() for each in forget]) as close:
+    with dialog(
+        gui, "Result", closed=lambda: [closed.set(), *(each() for each in forget)]
+    ) as close:
         state.close_result = close
 
         def closing(action: Callable[[], object]) -> Callable[[], None]:
@@ -168,8 +173,8 @@ def show_result(
 
         def play_expert(at: float) -> None:
             close()
-            if expert is not None:
-                watch(expert.run, at, expert.incidents)
+            for each in experts:
+                watch(each.run, at, each.incidents)
 
         def again() -> None:
             state.start_again(run)
@@ -195,33 +200,76 @@ def show_result(
             on_click(retry, closing(again))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Errors"):
-            forget.append(
-                add_debrief(
-                    gui,
-                    exercise,
-                    Done(run.metrics, incidents, series),
-                    best,
-                    state.marks_of(exercise),
-                    advice,
-                    play,
-                    play_expert,
-                )
-            )
+            debrief = Debrief(
+                gui, exercise, advice, state.marks_of(exercise), play, play_expert,
+                in_space=run.log.start.theory is None,
+            )  # fmt: skip
+            forget.append(debrief.forget)
+            debrief.show(Done(run.metrics, incidents, NO_SERIES))
         with tabs.add_tab("Measures"):
-            gui.add_html(measures)
+            compared = gui.add_html(measures(None))
             if exercise is not None:
                 gui.add_html(note(_BESIDE))
-            csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
+            csv = gui.add_button(
+                "Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray", disabled=True
+            )
             json = gui.add_button("Download JSON", icon=viser.Icon.DOWNLOAD, color="gray")
-        with tabs.add_tab("Over time"):
-            add_series_plots(gui, series, exercise)
-        if sights is not None:
+        with tabs.add_tab("Over time") as over_time:
+            waiting = gui.add_html(note(_REPLAYED))
+        seen: viser.GuiHtmlHandle | None = None
+        if exercise is not None and run.log.start.anatomy is not None:
             with tabs.add_tab("What was seen"):
-                gui.add_html(_photographs_html(state.photographs) + _seen_html(sights.seen))
-        if expert is not None:
-            shown = gui.add_button("Show me", icon=viser.Icon.SCHOOL, color="gray", hint=SHOW_ME)
-            on_click(shown, lambda: play_expert(0.0))
+                seen = gui.add_html(_photographs_html(state.photographs) + note(_REPLAYED))
+        show_me = gui.add_button(
+            "Show me", icon=viser.Icon.SCHOOL, color="gray", hint=SHOW_ME, disabled=True,
+            visible=exercise is not None and has_careful_run(exercise),
+        )  # fmt: skip
         whole = gui.add_button("Watch it again", icon=viser.Icon.PLAYER_PLAY, color="gray")
     on_click(whole, lambda: play(0.0))
-    on_click(csv, lambda: state.send_file(f"{name}.csv", state.run_csv(run)))
+    on_click(show_me, lambda: play_expert(0.0))
+    on_click(csv, lambda: state.send_file(f"{name}.csv", computed[0].csv().encode()))
     on_click(json, lambda: state.send_file(f"{name}.json", run_json(run)))
+
+    def follow() -> None:
+        replay = state.replay_of(run, vertices=FEW)
+        sights = None if seen is None else Sights(replay.session, run.log.ticks)
+
+        def look(tick: int) -> None:
+            if closed.is_set():
+                raise _ClosedError
+            if sights is not None:
+                sights.look(tick)
+            if tick % PROGRESS_TICKS == 0:
+                waiting.content = note(f"{_REPLAYED} {100 * tick // run.log.ticks} %.")
+
+        computed.append(series := replay.series(look))
+        done = Done(run.metrics, incidents, series)
+        debrief.show(done)
+        csv.disabled = False
+        waiting.remove()
+        with over_time:
+            add_series_plots(gui, series, exercise)
+        if seen is not None and sights is not None:
+            seen.content = _photographs_html(state.photographs) + _seen_html(sights.seen)
+        expert = _expert(run, state)
+        if expert is None:
+            return
+        best = Done(expert.run.metrics, expert.incidents, NO_SERIES)
+        if exercise is not None and isinstance(exercise.goal, FreeLength):
+            beside = state.replay_of(expert.run, vertices=FEW).series()
+            best = best._replace(series=beside)
+        experts.append(expert)
+        debrief.show(done, best)
+        compared.content = measures(best.metrics)
+        show_me.disabled = False
+
+    def follow_until_closed() -> None:
+        try:
+            follow()
+        except _ClosedError:
+            pass
+        except RuntimeError:  # viser changes no widget that was removed meanwhile
+            if not closed.is_set():
+                raise
+
+    threading.Thread(target=follow_until_closed, name="result", daemon=True).start()

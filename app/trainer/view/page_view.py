@@ -180,6 +180,7 @@ class PageView:
 
     def close(self) -> None:
         """Release the duct and remove what was sent, when the client has gone."""
+        self.state.close_result()  # nobody waits for what is computed for it
         with self._lock:
             self._closed = True
             self._let_go()
@@ -392,9 +393,11 @@ class PageView:
                 state.series.take(run.exercise, run.outcome)
             state.announced = run  # from now on another pull may begin anew
             if judged and kept is not None:
-                panel = self._panel
+                panel, errors = self._panel, state.last_errors
                 state.when_free(
-                    state.workers.awaited, (id(self), "result"), lambda: panel.show_result(kept)
+                    state.workers.awaited,
+                    (id(self), "result"),
+                    lambda: panel.show_result(kept, errors),
                 )
             elif reading.torn_at is not None:
                 self._notice = self.client.add_notification(
