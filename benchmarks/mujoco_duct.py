@@ -87,7 +87,7 @@ def beside_mujoco() -> dict[str, Any]:
     session.move_hand(0, start + np.array([0.0, 0.0, LIFT_MM]))
     session.advance(30)
     ours, theirs = [], []
-    data.xfrc_applied[held, 2] = float(session.spatial.forces[0, 2])
+    data.xfrc_applied[held, 2] = session.spatial.forces[0][2]
     for _ in range(BLOCKS):
         before = time.process_time()
         mujoco.mj_step(model, data, nstep=STEPS)

@@ -33,7 +33,7 @@ def _checked(action: object, shape: tuple[int, ...]) -> Floats:
         raise error.InvalidAction(f"an action must have shape {shape}, got {found.shape}")
     if not np.isfinite(found).all():
         raise error.InvalidAction(f"an action must be finite numbers, got {found.tolist()}")
-    return np.clip(found, -1.0, 1.0)
+    return np.minimum(np.maximum(found, -1.0), 1.0)
 
 
 def _bed_seed(task: Task, options: dict[str, Any] | None, draw: np.random.Generator) -> int:
@@ -49,10 +49,11 @@ def _bed_seed(task: Task, options: dict[str, Any] | None, draw: np.random.Genera
 def _stacked(infos: list[dict[str, Any]]) -> dict[str, Any]:
     """Return what is known of N environments, as `VectorEnv` has it: arrays, and who has them."""
     found: dict[str, Any] = {}
+    everyone = np.ones(len(infos), np.bool_)
     for key, first in infos[0].items():
         rows = [each[key] for each in infos]
         found[key] = _stacked(rows) if isinstance(first, dict) else np.array(rows)
-        found[f"_{key}"] = np.ones(len(rows), np.bool_)
+        found[f"_{key}"] = everyone
     return found
 
 

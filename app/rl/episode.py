@@ -38,7 +38,8 @@ class Episode:
     def __init__(self, task: Task, session: Session | None = None) -> None:
         self.task = task
         self._view: Safety | None = None
-        self._broken: tuple[BeamOnBed, int] | None = None  # of which `_parted` is known
+        # of which `_parted` and `_freed` are known
+        self._broken: tuple[BeamOnBed, int] | None = None
         if session is None:
             self.session = Session(task.duct, vertices=VERTICES, watched=False)
             self.reset(int(task.seeds[0]))
@@ -111,9 +112,9 @@ class Episode:
 
     def lead(self) -> None:
         """Lead the acting hands for a tick at their rates."""
-        session = self.session
+        session, tissue = self.session, self._tissue
         for hand, (x, y, z, opened) in self._rates.items():
-            holder = self._tissue.hands[hand]
+            holder = tissue.hands[hand]
             a, b, c = holder.target.tolist()
             session.move_hand(hand, (a + x, b + y, c + z))
             if opened:
@@ -204,7 +205,7 @@ class Episode:
     def _fraction_parted(self) -> float:
         """Return the share of strands that the goal asks for that have parted, 0 to 1."""
         tissue, task, goal = self._tissue, self.task, self.task.goal
-        now = tissue.beam, tissue.beam.broken
+        now = tissue.beam, tissue.broken
         if now != self._broken:  # none has parted since else
             self._broken, damage = now, tissue.beam.damage
             self._parted = np.concatenate(
@@ -215,12 +216,13 @@ class Episode:
                     )
                 ]
             )
-        if self._view is not None:
-            self._seen = view = self._view.critical_view()
-            return (view.neck + view.triangle + view.plate) / 3.0
-        assert goal is not None  # noqa: S101 (of a duct in its bed)
-        asked = goal.length_mm / (goal.to_mm - goal.from_mm)
-        return min(float(self._parted[task.within].mean()) / asked, 1.0)
+            if goal is not None:
+                asked = goal.length_mm / (goal.to_mm - goal.from_mm)
+                self._freed = min(float(self._parted[task.within].mean()) / asked, 1.0)
+        if self._view is None:
+            return self._freed
+        self._seen = view = self._view.critical_view()
+        return (view.neck + view.triangle + view.plate) / 3.0
 
     @property
     def _passed(self) -> bool:

@@ -54,11 +54,11 @@ class Attempt:
         """Return why this tick fails it, or None."""
         errors = self._recorder.errors
         for limit, of_errors in self._limits:
-            if limit.at_end and not reached:
+            number = errors.number.get(limit.of, 0) if of_errors else None
+            if number == 0 or (limit.at_end and not reached):
                 continue
-            if of_errors:
-                number = errors.number.get(limit.of, 0)
-                if number and limit.passed_by(number):
+            if number is not None:
+                if limit.passed_by(number):
                     last = errors.last_of(limit.of)
                     return self._reason(last.happened if limit.of == "tear" else "", last.sentence)
                 continue

@@ -157,7 +157,7 @@ class DissectionRecorder:
         self._torn, self._lost = duct.torn, self._lost_now
         if len(duct.pose) >= SCOPE_NUMBERS:
             self._take_scope(duct.pose)
-        forces: list[list[float]] = duct.forces.tolist()
+        forces = duct.forces
         self._take_forces(forces)
         out_of_sight = self.out_of_sight
         if moved:
@@ -198,12 +198,7 @@ class DissectionRecorder:
         self._duct_energy = max(self._duct_energy, self._note_energies()[BEAM])
         swept = self._rod_work - rod_work
         held = self._beam_work - work - swept
-        places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
-        fractions = [
-            abs(f[0] * (a[0] - b[0]) + f[1] * (a[1] - b[1]) + f[2] * (a[2] - b[2]))
-            for f, a, b in zip(forces, places, self._places, strict=True)
-        ]
-        self._places = places
+        before, self._places = self._places, [hand.place.tolist() for hand in duct.hands]
         # The energies are a step behind: a hand that has just let go still gets its last part.
         holding = [i for i in range(HANDS) if duct.hands[i].node is not None]
         sweeping = [i for i in range(HANDS) if duct.rods_of(i)]
@@ -212,8 +207,15 @@ class DissectionRecorder:
         pressing = [i for i in sweeping if any(any(presses[rod]) for rod in duct.rods_of(i))]
         self._acting = holding + pressing or self._acting
         for work, hands in ((held, self._holding), (swept, self._sweeping)):
+            if len(hands) == 1:
+                self._work[hands[0]] += work
+                continue
+            fractions = [
+                abs(sum(f * (a - b) for f, a, b in zip(*each, strict=True)))
+                for each in zip(forces, self._places, before, strict=True)
+            ]
             total = sum(fractions[i] for i in hands)
-            for i in hands:
+            for i in hands if work else ():
                 weight = fractions[i] / total if total > 0.0 else 1.0 / len(hands)
                 self._work[i] += weight * work
 

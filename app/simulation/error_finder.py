@@ -160,7 +160,7 @@ class ErrorFinder:
         counts: list[list[int]] = self._counts.tolist()
         stress = duct.stress_ratio
         self._pace.take(stress)
-        forces: list[list[float]] = duct.forces.tolist()
+        forces = duct.forces
         pull = incidents.limits["out_of_view"]["pull"]
         holding = 0
         dissecting = [False] * HANDS
@@ -620,22 +620,28 @@ def _count(damage: Floats, before: Floats, side: Bytes, rods: Ints, out: Ints) -
     """Count the strands that parted, that are being parted and that touch, and keep the damage.
 
     `rods` are those of each hand, (H, 2), -1 for none; `out` is (H + 1, 3), by hand and of all.
+    A strand that touches both of a hand's rods is counted twice among those that touch.
     """
     hands = rods.shape[0]
     out[:] = 0
+    for hand in range(hands):
+        for rod in rods[hand]:
+            if rod >= 0:
+                touching = 0
+                for s in range(side.shape[1]):
+                    touching += side[rod, s] == 1 or side[rod, s] == -1
+                out[hand, 2] += touching
     for s in range(damage.shape[0]):
-        going = damage[s] > before[s] + 1e-9
-        parted = going and damage[s] >= 1.0
+        if damage[s] > before[s] + 1e-9:
+            parted = damage[s] >= 1.0
+            out[hands, 0] += parted
+            for hand in range(hands):
+                for rod in rods[hand]:
+                    if rod >= 0 and (side[rod, s] == 1 or side[rod, s] == -1):
+                        out[hand, 0] += parted
+                        out[hand, 1] += 1
+                        break
         before[s] = damage[s]
-        out[hands, 0] += parted
-        for hand in range(hands):
-            for k in range(rods.shape[1]):
-                rod = rods[hand, k]
-                if rod >= 0 and (side[rod, s] == 1 or side[rod, s] == -1):
-                    out[hand, 0] += parted
-                    out[hand, 1] += going
-                    out[hand, 2] += 1
-                    break
 
 
 @njit(cache=True)

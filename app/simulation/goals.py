@@ -246,24 +246,25 @@ class _Freeing:
 
     def __init__(self, goal: FreeLength) -> None:
         self._goal, self._before = goal, -1.0
-        self._seen: object = None
+        self._seen: list[Span] | None = None
+        self._reached = False
         self._holding: tuple[int, float] | None = None
         self._show(0.0, 0.0)
 
     def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""
-        stretches = recorder.stretches
-        total = sum(b - a for a, b in stretches)
-        freed = self._goal.freed(stretches)
+        stretches, goal = recorder.stretches, self._goal
+        if stretches is self._seen:
+            return self._reached
+        self._seen = stretches
+        total, freed = sum(b - a for a, b in stretches), goal.freed(stretches)
         if self._before < 0.0:
             self._before = total - freed  # a divided duct's end is free at the start
-        if recorder.stretches is not self._seen:
-            self._seen = recorder.stretches
-            goal = self._goal
-            self._holding = recorder.holding_beside(goal.from_mm, goal.to_mm)
+        self._holding = recorder.holding_beside(goal.from_mm, goal.to_mm)
         self._show(freed, total - freed - self._before)
         # Bins are whole, so lengths differ from the goal by rounding only.
-        return freed >= self._goal.length_mm - 1e-6
+        self._reached = freed >= goal.length_mm - 1e-6
+        return self._reached
 
     def _show(self, freed: float, elsewhere: float) -> None:
         goal = self._goal

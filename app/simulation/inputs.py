@@ -143,7 +143,7 @@ class InputLog:
             del self._values[self._ends[-1] if self._ends else 0 :]
         self._ticks.append(tick)
         self._keys.append(key)
-        self._values.extend(cast(tuple[float, ...], values))
+        self._values.extend(cast("tuple[float, ...]", values))
         self._ends.append(len(self._values))
 
     def inputs(self) -> list[Input]:

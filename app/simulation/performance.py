@@ -326,7 +326,7 @@ class _Hands:
         self._ticks += 1
         if self.out.tear is None and self.tissue.events:
             self.out.tear = next((e for e in self.tissue.events if e.kind == "tear"), None)
-            self.out.tear_force = math.sqrt(float((before**2).sum(axis=1).max()))
+            self.out.tear_force = math.sqrt(max(x * x + y * y + z * z for x, y, z in before))
         if self._ticks * TICK_SECONDS > MOST_SECONDS:
             raise ValueError(f"the script takes more than {MOST_SECONDS:g} s")
         if self._ticks % LOOK_TICKS == 0:

@@ -267,17 +267,18 @@ class Session:
     def _act(self, hand: int, kind: InputKind, *values: float) -> Sequence[float] | None:
         """Apply an input and log it as it has acted; return that, or None if it did nothing."""
         with self.lock:
-            if kind in BY_SLIDER and self.run.hand_only:
+            run = self.run
+            if kind in BY_SLIDER and run.hand_only:
                 return None
-            exercise = None if self.run.over else self.run.exercise
-            if exercise is not None and exercise.looks_only and kind not in LOOKS:
-                return None
-            if self.run.closed and kind not in AFTER_RESULT:
+            if run.over:
+                if run.closed and kind not in AFTER_RESULT:
+                    return None
+            elif run.exercise is not None and run.exercise.looks_only and kind not in LOOKS:
                 return None
             applied = self.tissue.apply(hand, kind, values, self._begin_run)
             if applied is None:
                 return None
-            self.run.note(hand, applied[0], *applied[1])
+            run.note(hand, applied[0], *applied[1])
             return applied[1]
 
     # Time and readings.
@@ -491,8 +492,8 @@ class Session:
         """
         with self.lock:
             self._take_bed_of(exercise)
-            self.reset()
             if grasp is not None:
+                self.reset()
                 self.set_grasp(grasp)
             self.tissue.prepare(exercise)
             self._new_run(exercise, feedback, inputs)

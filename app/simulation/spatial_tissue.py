@@ -770,7 +770,7 @@ class SpatialTissue:
             if hand.node is None:
                 hand.pull = 0.0
                 continue
-            x, y, z = self.forces[number].tolist()
+            x, y, z = self.forces[number]
             pull = math.sqrt(x * x + y * y + z * z)
             hand.pull += MEAN_PULL * (pull - hand.pull)
             if self._grip is not None and hand.instrument == "grasper" and hand.pull > self._grip:
@@ -789,7 +789,7 @@ class SpatialTissue:
         self.worst_tube = worst_tube = self.stress_ratios.index(self.stress_ratio)
         self.station = worsts[worst_tube].station / surfaces[worst_tube].scale
         self.peak_stress_ratio = max(self.peak_stress_ratio, self.stress_ratio)
-        for tube, name in enumerate(names):
+        for tube, name in enumerate(names if self.stress_ratio > 1.0 else ()):
             if self.stress_ratios[tube] <= 1.0 or self.tears[tube] is not None:
                 continue
             check, worst = surfaces[tube].check(beam, strengths[tube], stresses), worsts[tube]
@@ -850,7 +850,7 @@ class SpatialTissue:
 
     def _hand_at(self, tube: int, station: float) -> int | None:
         """Return the hand that holds a tube, or else the nearest that pulls or presses."""
-        forces: list[float] = (self.forces**2).sum(axis=1).tolist()
+        forces = [x * x + y * y + z * z for x, y, z in self.forces]
         at = self.beam.places_at(np.array([station]), self.tubes.names[tube])[0]
         found, nearest = None, math.inf
         for hand, holder in enumerate(self.hands):
@@ -923,9 +923,9 @@ class SpatialTissue:
 
     def _read(self) -> Reading:
         beam = self.beam
-        forces = [_vector(force) for force in self.forces.tolist()]
-        squares = (self.forces**2).sum(axis=1)
-        pulling = int(np.argmax(squares))
+        forces = [_vector(force) for force in self.forces]
+        squares = [x * x + y * y + z * z for x, y, z in forces]
+        pulling = squares.index(max(squares))
         node = self.hands[pulling].node
         moved = np.zeros(3) if node is None else beam.places[node] - beam.rest_place(node)
         deflection = math.sqrt(float(moved @ moved))
@@ -940,7 +940,7 @@ class SpatialTissue:
             places=tuple(_vector(hand.place.tolist()) for hand in self.hands),
             holding=tuple(hand.node is not None for hand in self.hands),
             pulling=pulling,
-            force=math.sqrt(float(squares[pulling])),
+            force=math.sqrt(squares[pulling]),
             deflection=deflection,
             deepest=deflection,
             breaks_at=None,
@@ -979,7 +979,7 @@ class SpatialTissue:
     def row(self) -> tuple[float, ...]:
         """Return what the instruments show now, for a table by tick."""
         energy = self.beam.energy
-        hands = zip(self.hands, self.forces.tolist(), strict=True)
+        hands = zip(self.hands, self.forces, strict=True)
         return (
             *(
                 number
@@ -1088,21 +1088,26 @@ class SpatialTissue:
             self.put_hand(hand, np.array(tip))
 
     @property
-    def forces(self) -> Floats:
+    def forces(self) -> list[list[float]]:
         """(HANDS, 3) of each hand on duct or strands, N."""
+        # As lists, here and in what looks at them in each tick: numpy takes ten times as long for
+        # three numbers.
         if self._forces is None:
-            state = self.beam.state
-            self._forces = forces = np.zeros((HANDS, 3))
+            pulls: list[list[float]] = self.beam.state.pull.tolist()
+            self._forces = []
             for number, hand in enumerate(self.hands):
-                if hand.node is not None:
-                    forces[number] = self.beam.hand_force(hand.node)
-                for rod in self.rods_of(number):
-                    forces[number] += state.pull[rod]
+                node, rods = hand.node, self.rods_of(number)
+                force: list[float] = (
+                    [0.0, 0.0, 0.0] if node is None else self.beam.hand_force(node).tolist()
+                )
+                for rod in rods:
+                    force = [a + b for a, b in zip(force, pulls[rod], strict=True)]
+                self._forces.append(force)
         return self._forces
 
     def _forget_reading(self) -> None:
         self._reading: Reading | None = None
-        self._forces: Floats | None = None
+        self._forces: list[list[float]] | None = None
 
     def freed_at(self, stations: Floats) -> Floats:
         """Return the share of strands that have parted about each station, mm, 0 to 1."""
@@ -1178,7 +1183,8 @@ def _moved(before: tuple[float, ...], now: tuple[float, ...]) -> bool:
 
 
 def _within(value: float, bounds: tuple[float, float]) -> float:
-    return min(max(value, bounds[0]), bounds[1])
+    low, high = bounds
+    return low if value < low else min(value, high)
 
 
 def _vector(values: list[float]) -> Vector:

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,17 +44,23 @@ class EnergyBalance:
     rod_dissipated: float  # the part dissipated in strands that lay against a rod
 
 
-@dataclass(frozen=True, slots=True)
-class WorstStress:
+class WorstStress(NamedTuple):
     """The largest normal plus bending stress in the beam's wall."""
 
     station: float  # mm from the first end
     normal: float  # MPa
-    bending: float  # MPa
-    # angle about the axis at which bending stretches most: rad from up, positive towards y
-    side: float
     up: float  # of the bending stress, the part of bending up, MPa, and across
     across: float
+
+    @property
+    def bending(self) -> float:
+        """Bending stress, MPa."""
+        return math.sqrt(self.up * self.up + self.across * self.across)
+
+    @property
+    def side(self) -> float:
+        """Angle at which bending stretches most: rad from up about the axis, positive towards y."""
+        return math.atan2(-self.across, self.up)
 
     @property
     def total(self) -> float:
@@ -346,9 +353,8 @@ class Readings:
         whole = self.stresses() if stresses is None else stresses
         node, normal, up, across = worst_stress(whole[which.elements])
         if node < 0:
-            return WorstStress(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        bending, side = math.sqrt(up * up + across * across), math.atan2(-across, up)
-        return WorstStress(float(which.stations[node]), normal, bending, side, up, across)
+            return WorstStress(0.0, 0.0, 0.0, 0.0)
+        return WorstStress(float(which.stations[node]), normal, up, across)
 
     @cached_property
     def _tightest(self) -> float:

@@ -19,7 +19,7 @@ LAWS = [Linear(shear=True), NeoHooke(), Exponential(4.0)]
 
 
 def worst_at(station: float, up: float, across: float = 0.0) -> WorstStress:
-    return WorstStress(station, 0.1, math.hypot(up, across), 0.0, up, across)
+    return WorstStress(station, 0.1, up, across)
 
 
 def deepened(held: BeamOnBed, worst: WorstStress, depth: float) -> None:
