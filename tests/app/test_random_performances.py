@@ -14,13 +14,13 @@ from app.simulation import FEW, Replay, Session, Specimen, performed, run_json
 from app.simulation.inputs import Instrument
 from app.simulation.performance import Script, Step
 from physics.bed import EnergyBalance
+from physics.bed.kernels import RETRACED
 
 SPANS = {"common": 58.0, "cystic": 22.9, "gallbladder": 75.0, "rha": 37.8, "artery": 25.4}
 """mm, of the usual anatomy's tubes."""
-UNBALANCED, RESIDUAL_MJ = 0.1, 0.05
-"""Of the energy that has gone round, and mJ, what the balance may leave unexplained.
-
-Hands that leap at 60 mm/s left up to 4.5 %, others less than 1 %."""
+UNBALANCED, RESIDUAL_MJ = {False: 0.1, True: 1e-4}, {False: 0.05, True: 1e-3}
+"""Of the energy that has gone round, and mJ, what the balance may leave unexplained: by the
+trapezoidal rule, of which hands that leap at 60 mm/s left up to 4.5 %, and retraced."""
 
 
 @cache
@@ -98,6 +98,7 @@ def gone_round(energy: EnergyBalance) -> float:
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("retraced", [False, pytest.param(True, marks=pytest.mark.long)])
 @given(script=scripts)
 @settings(
     deadline=None,
@@ -105,7 +106,7 @@ def gone_round(energy: EnergyBalance) -> float:
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
-def test_random_hands_neither_lose_nor_gain_anything(script: Script) -> None:
+def test_random_hands_neither_lose_nor_gain_anything(retraced: bool, script: Script) -> None:
     session = Session(Specimen.of_anatomy(usual()), vertices=FEW)
     done = performed(script, session)
     tissue = session.spatial
@@ -114,7 +115,6 @@ def test_random_hands_neither_lose_nor_gain_anything(script: Script) -> None:
     assert np.isfinite(astuple(energy)).all()
     assert ((state.damage >= 0.0) & (state.damage <= 1.0)).all()
     assert energy.dissipated >= -1e-9
-    assert abs(energy.residual) <= RESIDUAL_MJ + UNBALANCED * gone_round(energy)
     for flow in tissue.fluids.values():
         assert all(hole.lost >= 0.0 for hole in flow.holes)
         assert flow.left + flow.lost == pytest.approx(flow.fluid.volume, rel=1e-12)
@@ -124,8 +124,16 @@ def test_random_hands_neither_lose_nor_gain_anything(script: Script) -> None:
         return
     assert session.specimen.organ is not None
     again = Replay(run.log, session.specimen.organ)
+    replayed = again.session.spatial
+    again.seek_tick(1)  # by then the tissue is a new one
+    replayed.beam.state.sums[RETRACED] = retraced
     again.seek_tick(run.log.ticks)
-    assert (again.session.spatial.beam.places == tissue.beam.places).all()
-    assert (again.session.spatial.beam.damage == tissue.beam.damage).all()
-    assert again.session.spatial.events == tissue.events
-    assert run_json(again.run_file()) == run_json(run)
+    balance = replayed.beam.energy
+    assert abs(balance.residual) <= RESIDUAL_MJ[retraced] + UNBALANCED[retraced] * gone_round(
+        balance
+    )
+    assert (replayed.beam.places == tissue.beam.places).all()
+    assert (replayed.beam.damage == tissue.beam.damage).all()
+    assert replayed.events == tissue.events
+    # The hands' work is measured better where it is retraced, and what it tells of.
+    assert retraced or run_json(again.run_file()) == run_json(run)
