@@ -87,6 +87,7 @@ def done(script: str) -> tuple[Session, Performance]:
     return session, performed(msgspec.toml.decode(script, type=Script), session)
 
 
+@pytest.mark.long  # the next test replays the run that these hands gave
 def test_careful_hands_pass_the_critical_view_and_close_both_structures() -> None:
     """Five of six with nothing torn; then marked, two clips to stay, one to go, and divided."""
     session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
