@@ -24,6 +24,7 @@ from app.simulation.safety import Safety
 from app.simulation.sight import in_picture
 from app.simulation.spatial_tissue import LEAST_FLOW, Event, SpatialTissue
 from kernel_cache import SameTypes, njit
+from physics.bed.kernels import SHAFT, TIP
 
 __all__ = ["ErrorFinder"]
 
@@ -453,11 +454,32 @@ class ErrorFinder:
         watch.presses.append(press)
         press = sum(watch.presses) / PULL_TICKS
         if press > limits["instrument_on_wall"]["force"]:
+            tube, what = 0, self._what
+            if len(self._titles) > 1:
+                tube, station = self._pressed_tube(i)
+                what = f"the {self._titles[tube]}"
             incidents.note(
-                "instrument_on_wall", i, station, press, f=press, tool=tool, what=self._what
+                "instrument_on_wall", i, station, press, tube=tube, f=press, tool=tool, what=what
             )
         if tool == "dissector":
             self._judge_sweep(i, watch, parted)
+
+    def _pressed_tube(self, i: int) -> tuple[int, float]:
+        """Return the tube whose wall a hand's jaws are deepest in, and the station, mm."""
+        beam = self._duct.beam
+        deepest, found, station = math.inf, 0, 0.0
+        for rod in self._duct.rods_of(i):
+            row = beam.state.rods[rod]
+            out, along = beam.places - row[TIP : TIP + 3], row[SHAFT : SHAFT + 3]
+            out -= np.maximum(out @ along, 0.0)[:, None] * along
+            gaps = np.sqrt((out**2).sum(axis=1)) - beam.state.thick[:, 0]
+            for tube, name in enumerate(self._duct.tubes.names):
+                of_tube = gaps[beam.nodes_of(name)]
+                node = int(of_tube.argmin())
+                if of_tube[node] < deepest:
+                    deepest, found = float(of_tube[node]), tube
+                    station = float(beam.stations_of(name)[node])
+        return found, station
 
     def _judge_sweep(self, i: int, watch: _Watch, parted: int) -> None:
         """Judge what jaws do that do not open: how far they go, and whether to and fro."""

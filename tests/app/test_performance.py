@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from program import refused, run
 
-from app.anatomy import anatomy_named
+from app.anatomy import anatomy_named, tube_title
 from app.simulation import (
     FEW,
     CarefulRun,
@@ -138,6 +138,14 @@ def test_the_recorded_careful_run_is_replayed_to_its_result() -> None:
     assert recorded.run.log.exercise == exercise
     assert recorded.run.metrics["critical_view_points"] == 5
     assert recorded.run.metrics["tear"] is None
+    # Of all tubes, and each press says which.
+    presses = [each for each in recorded.incidents if each.error == "instrument_on_wall"]
+    names = session.spatial.tubes.names
+    assert {names[each.tube] for each in presses} == set(names)
+    for each in presses:
+        assert each.values["what"] == f"the {tube_title(names[each.tube])}"
+        assert each.station_mm is not None
+        assert 0.0 <= each.station_mm <= session.spatial.tubes.network.tubes[names[each.tube]].span
 
 
 @pytest.mark.parametrize("name", ["short-cystic", "parallel-low"])
