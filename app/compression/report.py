@@ -136,7 +136,8 @@ def report_lines(done: Facts, *, every_section: bool) -> Iterator[str]:
         (
             "fit",
             f"{done.fit_normal_rms_mm:.4f} mm, {done.fit_normal_rms_px:.3f} px RMS along the "
-            f"normal; {done.fit_algebraic_rms_mm:.4f} mm, {done.fit_algebraic_rms_px:.3f} px in y",
+            f"normal; {done.fit_algebraic_rms_mm:.4f} mm, {done.fit_algebraic_rms_px:.3f} px along "
+            "y, as the thesis takes it",
         ),
         ("RMS error", f"{done.rms_error_mm:.4f} mm, {done.rms_error_px:.3f} px"),
         ("largest", f"{done.max_error_mm:.4f} mm, {done.max_error_px:.3f} px, either way"),

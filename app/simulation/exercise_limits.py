@@ -2,7 +2,7 @@
 
 A free duct's follow from where it breaks. In a bed good hands (`app.simulation.scripted_hands`) do
 each exercise beforehand, with strands of even strength: what they need, with the kind's `spare` on
-top, is the limit. In the window they hardly load the duct; there the limit is `WINDOW_RATIO` of
+top, is the limit. In the window they hardly load the duct; there the limit is a part, `lifted`, of
 what pulling it off takes. The bed's seed is the first one with which good hands pass. At an anatomy
 the limit is of the blood that they lose until they have stopped a bleeding. Errors fail an exercise
 too: it is not to be passed by what it does not teach.
@@ -55,11 +55,6 @@ BAND_FRACTION = 0.08
 SLACK_FRACTION = 0.25
 LIFTS, LIFT_SECONDS = 3, 1.0
 
-SPARE_FORCE = 1.5
-"""Limits of the stress (`ExerciseKind.spare`) and of an instrument's force, over what good hands
-need in an even bed: about four standard deviations over beds of 20 seeds, and the strongest place
-of a scattered bed asks for more than an even one (docs/measures.md)."""
-WINDOW_RATIO = 1.0 / 3.0
 # Lengths over the span: of the window to be freed, of a divided duct's free end, and of what is to
 # be freed from there on.
 WINDOW_FRACTION, OPENED_FRACTION, FOLLOW_FRACTION = 0.25, 0.12, 0.6
@@ -249,15 +244,15 @@ def _offered(specimen: Specimen, name: str) -> Exercise | str:
         return f"good hands do not pass in an even bed: {ended}"
     needed = session.metrics()
     ratio = kind.spare * needed["peak_stress_ratio"]
-    if name == "window":
+    if kind.lifted:
         _passes(session, even, Lift())
-        ratio = max(ratio, WINDOW_RATIO * session.metrics()["peak_stress_ratio"])
+        ratio = max(ratio, kind.lifted * session.metrics()["peak_stress_ratio"])
     if ratio > LOOSEST:
         return f"its limit of stress would be {100.0 * ratio:.0f} % of the break"
     hidden = round(HIDDEN_FRACTION * session.spatial.beam.strands.count / span * goal.length_mm)
     limits = [Limit("peak_stress_ratio", ratio), Limit("strands_broken_out_of_sight", hidden)]
-    if name == "free_scar":
-        force = SPARE_FORCE * needed["maximum_instrument_force_N"]
+    if kind.spare_force is not None:
+        force = kind.spare_force * needed["maximum_instrument_force_N"]
         limits.append(Limit("maximum_instrument_force_N", force))
     exercises = (asked(bed, each, *limits) for each in range(seed, seed + MOST_SEEDS))
     passed = next((each for each in exercises if _passes(session, each, good)), None)

@@ -9,7 +9,13 @@ __all__ = ["EXERCISES", "ExerciseKind"]
 
 @dataclass(frozen=True)
 class ExerciseKind:
-    """An exercise as it is on every duct; those in a bed have `spare` over what good hands need."""
+    """An exercise as it is on every duct.
+
+    In a bed the limits are `spare` times the stress that good hands need in an even one, and
+    `spare_force` times an instrument's force: about four standard deviations over beds of 20 seeds,
+    and the strongest place of a scattered bed asks for more than an even one (docs/measures.md).
+    At least `lifted` of the stress of hands that lift the duct off instead is allowed.
+    """
 
     title: str
     method: str
@@ -18,6 +24,8 @@ class ExerciseKind:
     in_hand: tuple[Instrument, ...] = ()  # at the start, if not the usual
     time_limit_s: float = 60.0
     spare: float = 1.0
+    spare_force: float | None = None
+    lifted: float = 0.0
 
 
 TOO_FAST = ("fast_pull", "near_break_fast")
@@ -29,6 +37,7 @@ EXERCISES: dict[str, ExerciseKind] = {
     "window": ExerciseKind(
         "Open a window", "pass the dissector behind it and open the jaws",
         WITH_JAWS, in_hand=("hook", "dissector"), time_limit_s=120.0, spare=1.1,
+        lifted=1.0 / 3.0,
     ),
     "follow_front": ExerciseKind(
         "Follow the front",
@@ -41,7 +50,7 @@ EXERCISES: dict[str, ExerciseKind] = {
         "Free a scar with two hands",
         "hold it up with one hand and open the dissector behind the scar with the other",
         ("no_traction", "traction_lost", "leaning", *WITH_JAWS), in_hand=("grasper", "dissector"),
-        time_limit_s=120.0, spare=1.25,
+        time_limit_s=120.0, spare=1.25, spare_force=1.5,
     ),
     "critical_view": ExerciseKind(
         "Critical view",
