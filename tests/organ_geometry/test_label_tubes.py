@@ -53,7 +53,7 @@ def found_fork(angle: float, portion: int, turned: bool) -> tuple[LabelTubes, Fl
 
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("portion", [2, 4, 8])
-@pytest.mark.parametrize("angle", [40.0, 70.0])
+@pytest.mark.parametrize("angle", [40.0, pytest.param(70.0, marks=pytest.mark.long)])
 def test_a_fork_s_joins_angles_and_radii_converge(angle: float, portion: int, turned: bool) -> None:
     found, turn = found_fork(angle, portion, turned)
     place_error, radius_error, angle_error = ERRORS[portion]
