@@ -63,7 +63,7 @@ class Sights:
             seen += [
                 Seen(
                     max(mark.tick - start, 0) * TICK_SECONDS,
-                    f"{tube_title(mark.tube)} is taken for the {mark.structure}",
+                    f"{tube_title(mark.tube)} is marked as the {mark.structure}",
                 )
                 for mark in spatial.marks
             ]

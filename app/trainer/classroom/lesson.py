@@ -556,7 +556,11 @@ def _mode(run: RunFile) -> str:
 
 
 def _best(top: Result) -> str:
-    return f"{top.word}, peak {100.0 * top.peak:.0f} %" if top.run.passed else f"failed: {top.why}"
+    return (
+        f"{top.word}, peak {100.0 * top.peak:.0f} % of break"
+        if top.run.passed
+        else f"failed: {top.why}"
+    )
 
 
 def _last_words(run: RunRecord) -> str:

@@ -55,6 +55,7 @@ def measures_html(
         if each.key in metrics and not (each.key == "overshoot" and metrics[each.key] is None)
     ]
     # A row's name opens its definition. Its `data-` attributes hold the unrounded figures.
+    limits = {key: limits[key] for key in metrics if key in limits}
     heads = ["this try", *beside, *(["limit"] if limits else [])]
     columns = "".join(
         f"<th style='{_CELL};font-weight:500'>{html.escape(head)}</th>" for head in heads

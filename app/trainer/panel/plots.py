@@ -149,7 +149,9 @@ def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | Non
         _add_plot(gui, time, "freed (mm)", {"#e8eaed": series["freed_mm"]})
     names = zip(("left hand", "right hand"), HAND_COLOURS, strict=True)
     marks = [line(*each, 2.0) for each in names] if in_space else []
-    marks += [goal_area()] * (band is not None or margin is not None) + [LIMIT] * bool(limits)
+    marks += [goal_area()] * (band is not None or margin is not None)
+    drawn = (None if margin is not None else reserve), limits.get("maximum_force_N"), rate
+    marks += [LIMIT] * any(each is not None for each in drawn)
     gui.add_html(key_html(marks))
 
 

@@ -152,6 +152,7 @@ class WarmUp:
 
     def _run(self) -> None:
         try:
+            read_icons(ICONS)  # which else the first page would wait for
             self._warm(self._scene)
             self._make_static()
             if not self._stopping:
@@ -171,13 +172,12 @@ class WarmUp:
         self._ready[scene].set()
 
     def _make_static(self) -> None:
-        """Make the meshes and textures of the stage, and read the panel's icons."""
+        """Make the meshes and textures of the stage."""
         dissection = Dissection.of(self._organ, self._preset or default_preset(self._organ))
         look, radius = appearance_of(dissection.preset), drawn_radius(dissection)
         stage_files(radius=radius, look=self._look, appearance=look)
         if self._look == "full":
             wall_texture(look, radius)
-        read_icons(ICONS)
 
     def _warm_theories(self) -> None:
         beam = preset_named(THESIS_PRESET).round_beam()
