@@ -930,7 +930,9 @@ class SpatialTissue:
         moved = np.zeros(3) if node is None else beam.places[node] - beam.rest_place(node)
         deflection = math.sqrt(float(moved @ moved))
         elapsed = self._torn_ticks * TICK_SECONDS
-        torn = Phase.TEARING if tear_front(elapsed) < 1.0 else Phase.TORN
+        # How a tear runs is drawn of the first tube only.
+        tearing = self.tears[0] is not None and tear_front(elapsed) < 1.0
+        torn = Phase.TEARING if tearing else Phase.TORN
         return Reading(
             phase=Phase.INTACT if self.torn is None else torn,
             check=self.torn

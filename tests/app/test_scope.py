@@ -24,6 +24,7 @@ from app.simulation import (
     TROCARS,
     Dissection,
     Feedback,
+    Phase,
     Replay,
     Session,
     Sights,
@@ -38,7 +39,7 @@ from app.simulation import (
 )
 from app.simulation.trocar import DEEPEST, LENGTH
 from app.trainer.client.page_state import PageState
-from app.trainer.client.scope_lead import HOLDS_MM_S, STEADY, ScopeLead
+from app.trainer.client.scope_lead import HOLDS_MM_S, SPREAD, STEADY, STOPS_AT, ScopeLead
 from app.trainer.client.workers import Workers
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
@@ -356,6 +357,70 @@ def test_a_flick_of_the_mouse_tears_nothing(lead: ScopeLead) -> None:
     assert not tissue.events
     lead.use_instrument()
     assert hand.node is None
+
+
+def test_jaws_part_at_once_but_are_not_thrown_open(lead: ScopeLead) -> None:
+    """Whoever has a mouse has one button for it: it does as the errors' advice says."""
+    session = lead.session
+    lead.choose(1)
+    artery, duct = (session.spatial.beam.places_at(np.array([12.0]), each)[0]
+                    for each in ("artery", "cystic"))  # fmt: skip
+    lead.lead_hand(0.5 * (artery + duct))
+    pass_time(lead, session, 4.0)
+    lead.use_instrument()
+    most, opening = 0.0, 0.0
+    for _ in range(60):
+        lead.advance(1)
+        session.advance()
+        now = session.spatial.hands[1].opening
+        most, opening = max(most, (now - opening) / TICK_SECONDS), now
+    assert opening == SPREAD
+    assert most < session.run._recorder.errors.limits["jumping_jaws"]["speed"]
+    lead.use_instrument()  # closed they are at once
+    assert session.spatial.hands[1].target_opening == 0.0
+    lead.use_instrument()
+    pass_time(lead, session, 0.5)
+    lead.use_instrument()  # before they are wide apart
+    pass_time(lead, session, 1.0)
+    assert session.spatial.hands[1].opening == 0.0
+
+
+def test_jaws_stop_before_a_wall_breaks(lead: ScopeLead) -> None:
+    """Beside a duct that is held taut the button alone tears nothing; a key goes on."""
+    session = lead.session
+    tissue = session.spatial
+    session.grab(0, 12.0, tissue.tubes.names.index("cystic"))
+    session.move_hand(0, tissue.hands[0].place + np.array([0.0, 0.0, 60.0]))
+    for _ in range(400):
+        session.advance()
+        if tissue.stress_ratio >= STOPS_AT:
+            break
+    session.move_hand(0, tissue.hands[0].place)
+    assert STOPS_AT <= tissue.stress_ratio < 1.0
+    lead.choose(1)
+    lead.use_instrument()
+    pass_time(lead, session, 2.0)
+    assert tissue.hands[1].opening == 0.0
+    (_, reason), _ = cast(MagicMock, lead._state.client).add_notification.call_args
+    assert reason.startswith(f"The {tube_title(tissue.most_stressed)} nears its break")
+    lead.open_more(1.0)
+    pass_time(lead, session, 0.5)
+    assert tissue.hands[1].opening == 1.0
+
+
+def test_any_tube_s_tear_ends_and_is_told(lead: ScopeLead) -> None:
+    """How a tear runs is drawn of the first tube only: another's has happened at once."""
+    session = lead.session
+    artery = session.spatial.tubes.names.index("artery")
+    session.grab(0, 10.0, artery)
+    for _ in range(400):
+        session.move_hand(0, session.spatial.hands[0].place + np.array([0.0, 0.0, 2.0]))
+        session.advance()
+        if session.spatial.events:
+            break
+    assert "tear" in {each.kind for each in session.spatial.events}
+    assert session.spatial.tears[0] is None
+    assert session.reading().phase is Phase.TORN
 
 
 def test_led_by_its_handle_the_tip_goes_the_other_way(lead: ScopeLead) -> None:

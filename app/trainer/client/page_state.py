@@ -223,11 +223,16 @@ class PageState:
 
     def refuse(self, reason: str) -> None:
         """Tell the client why something is not possible."""
-        if self._refusal is not None:
-            self._refusal.remove()
+        self.forget_refusal()
         self._refusal = self.client.add_notification(
             "Not possible", reason, color="yellow", auto_close_seconds=8.0
         )
+
+    def forget_refusal(self) -> None:
+        """Take back what was said last of something that was not possible."""
+        if self._refusal is not None:
+            self._refusal.remove()
+            self._refusal = None
 
     def require_no_exercise(self) -> None:
         """Raise a `ValueError` while an exercise goes on."""

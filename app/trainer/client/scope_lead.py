@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from app.anatomy import tube_title
 from app.classroom.photograph import photograph_of
 from app.simulation import (
     CLIP_OPENING,
@@ -24,7 +25,7 @@ from app.simulation import (
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
 
-__all__ = ["HOLDS_MM_S", "SPREAD", "ScopeLead"]
+__all__ = ["HOLDS_MM_S", "SPREAD", "STOPS_AT", "ScopeLead"]
 
 Floats = NDArray[np.float64]
 
@@ -36,8 +37,14 @@ LEAD_MM_S: Mapping[Instrument, float] = {
     "clip applier": 25.0, "scissors": 25.0, "suction": 25.0,
 }  # fmt: skip
 """mm/s at most of a hand that holds nothing: those that part or press go slowly."""
-SPREAD = 8.0
-"""mm that jaws part by at once."""
+SPREAD, PARTS_MM_S = 8.0, 5.0
+"""mm that jaws part by, and how fast: quicker ones are thrown open (`jumping_jaws`)."""
+STOPS_AT = 0.7
+"""Of a wall's break, from which jaws part no further by themselves."""
+STOPPED = (
+    "The {} nears its break, so the jaws stop. Close them, slacken what the other hand pulls, and "
+    "part elsewhere or less deep. The key O parts them on."
+)
 COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
 """Instruments whose jaws come open."""
 SUCTION = 15.0
@@ -45,8 +52,8 @@ SUCTION = 15.0
 STEADY = math.cos(math.radians(3.0))
 """Cosine of the angle within which an instrument's shaft is left as it lies in the tissue."""
 NOTHING_NEAR = (
-    "Neither a tube nor the gallbladder is between the jaws. Lead the tip deeper with the wheel: "
-    "its shadow shows how near it is."
+    "Neither a tube nor the gallbladder is between the jaws. Lead the tip deeper with the wheel, "
+    "some notches at a time, and try again."
 )
 ENDS = "Jaws do not hold there: a clamp, the other hand or a tear is too near."
 NOT_BETWEEN = (
@@ -73,6 +80,7 @@ class ScopeLead:
         self._photographs = False  # whether one is asked for
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
+        self._parting = [False] * len(state.hands)  # whose jaws go apart
 
     @property
     def session(self) -> Session:
@@ -180,7 +188,7 @@ class ScopeLead:
         state.choose_instrument(hand, instrument)
         if state.hands[hand].instrument == before:
             return
-        self._goals[hand] = None
+        self._goals[hand], self._parting[hand] = None, False
         self._aim(hand)
         if instrument in COMES_OPEN:
             state.session.open_jaws(hand, CLIP_OPENING)
@@ -222,9 +230,11 @@ class ScopeLead:
         if state.playback is not None or state.paused or state.session.run.closed:
             return
         for hand, goal in enumerate(self._goals):
+            holder = state.hands[hand]
+            if self._parting[hand]:
+                self._part(hand, PARTS_MM_S * TICK_SECONDS * ticks)
             if goal is None:
                 continue
-            holder = state.hands[hand]
             path = goal - holder.target
             far = math.sqrt(float((path * path).sum()))
             most = self._speed(holder) * TICK_SECONDS * ticks
@@ -233,6 +243,17 @@ class ScopeLead:
             step = path if far <= most else path * (most / far)
             state.session.move_hand(hand, holder.target + step)
             self._aim(hand)
+
+    def _part(self, hand: int, more: float) -> None:
+        """Part jaws by some mm more, unless a wall is near its break: no force is felt here."""
+        state, tissue = self._state, self.session.spatial
+        apart = tissue.hands[hand].target_opening + more
+        near = tissue.stress_ratio >= STOPS_AT and state.figures_visible
+        self._parting[hand] = apart < SPREAD and not near
+        if near:
+            state.refuse(STOPPED.format(tube_title(tissue.most_stressed)))
+        else:
+            state.session.open_jaws(hand, min(apart, SPREAD))
 
     def nudge(self, right: float, up: float, away: float) -> None:
         """Move the active hand's tip in the picture, mm, or turn the scope by as many steps."""
@@ -275,6 +296,7 @@ class ScopeLead:
             self.mark(self.held.camera.axes @ np.array([wide * x, wide * y, -1.0]))
             return
         if self._may_act():
+            self._state.forget_refusal()
             self._uses[self._state.instrument]()
 
     @property
@@ -317,7 +339,10 @@ class ScopeLead:
 
     def _open_or_close(self) -> None:
         opened = self._state.hands[self.hand].target_opening
-        self.open_more(-opened if opened > 0.0 else SPREAD)
+        if opened > 0.0:
+            self.open_more(-opened)
+        else:
+            self._parting[self.hand] = True
 
     def _close(self, act: Callable[[int], bool]) -> None:
         if not act(self.hand):
@@ -332,11 +357,13 @@ class ScopeLead:
         """Part the active hand's jaws by some mm more, or less."""
         if self._may_act():
             state = self._state
+            self._parting[self.hand] = False
             state.session.open_jaws(self.hand, state.hands[self.hand].target_opening + more)
 
     def reset(self) -> None:
         """Make all whole, and lead nothing."""
         self._goals = [None] * len(self._goals)
+        self._parting = [False] * len(self._parting)
         self._state.reset()
 
     def _may_act(self) -> bool:

@@ -44,6 +44,9 @@ class ExerciseTab:
         self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown(
             "Exercise", [AWAITED], hint="Its numbers follow from where this duct breaks"
         )
+        # Above the task: it is looked at while one works.
+        self._status = gui.add_html("", visible=False)
+        self._progress = gui.add_progress_bar(0.0, visible=False)
         self._task = gui.add_html("")
         self._feedback = gui.add_dropdown(
             "Feedback",
@@ -63,8 +66,6 @@ class ExerciseTab:
             "Stop", icon=viser.Icon.PLAYER_STOP, color="gray", visible=False,
             hint="End the exercise as it stands",
         )  # fmt: skip
-        self._status = gui.add_html("", visible=False)
-        self._progress = gui.add_progress_bar(0.0, visible=False)
         self._result = gui.add_button(
             "Result of the last run", icon=viser.Icon.REPORT_ANALYTICS, color="gray", visible=False
         )

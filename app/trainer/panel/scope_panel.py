@@ -276,6 +276,8 @@ class ScopePanel:
               for each in reading.fluids),
         ]  # fmt: skip
         names = self._state.shown.spatial.tubes.names
+        if self._state.playback is None:
+            rows.insert(0, ("Led", self._led))
         if not hidden:
             rows += [("Nicked", each.words(tube_title(names[each.tube]))) for each in reading.nicks]
         if torn:
@@ -290,6 +292,18 @@ class ScopePanel:
             f"<table data-testid='readout' data-broken='{reading.broken}' data-torn='{len(torn)}' "
             f"style='margin:2px 12px 6px;width:calc(100% - 24px);font-size:13px'>{table}</table>"
         )
+
+    @property
+    def _led(self) -> str:
+        """What mouse and keys lead, and what it holds, in words."""
+        if self._lead.leads_scope:
+            return "the scope"
+        tissue, hand = self._state.shown.spatial, self._state.hand
+        holder = tissue.hands[hand]
+        held = ""
+        if holder.node is not None:
+            held = f", holds the {tube_title(tissue.tubes.names[holder.tube])}"
+        return f"{HANDS[hand].lower()}, {holder.instrument}{held}"
 
     def _standing(self, reading: Reading) -> str:
         """Return what a screen reader says of the tissue."""
