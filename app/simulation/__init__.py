@@ -63,7 +63,7 @@ from app.simulation.preset import (
     presets,
     read_preset,
 )
-from app.simulation.reached_tube import REACH, near_place, pointed_at, wall_offset
+from app.simulation.reached_tube import REACH, near_place, nearest_wall, pointed_at, wall_offset
 from app.simulation.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.recorded_hands import CarefulRun, careful_run, has_careful_run
 from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
@@ -226,6 +226,7 @@ __all__ = [
     "has_careful_run",
     "loading_rates",
     "near_place",
+    "nearest_wall",
     "not_offered",
     "organ_beam",
     "perform",

@@ -9,7 +9,7 @@ from app.simulation.spatial_tissue import SpatialTissue
 from app.simulation.trocar import TROCARS
 from physics.bed import BeamOnBed
 
-__all__ = ["REACH", "near_place", "pointed_at", "wall_offset"]
+__all__ = ["REACH", "near_place", "nearest_wall", "pointed_at", "wall_offset"]
 
 Floats = NDArray[np.float64]
 
@@ -23,8 +23,14 @@ BITE = 1.2
 
 def near_place(beam: BeamOnBed, tip: Floats, reach: float = REACH) -> tuple[int, float] | None:
     """Return the number of the tube at a tip, (3,) mm, and the station; None out of reach."""
-    # Distances are from walls: within them they are below zero, and the deepest counts.
-    best, found = reach, None
+    distance, number, station = nearest_wall(beam, tip)
+    return (number, station) if distance < reach else None
+
+
+def nearest_wall(beam: BeamOnBed, tip: Floats) -> tuple[float, int, float]:
+    """Return how far a tip, (3,) mm, is from the nearest wall, the tube and the station."""
+    # Within a wall the distance is below zero, and the deepest counts.
+    best, found = math.inf, (0, 0.0)
     for number, (name, tube) in enumerate(beam.network.tubes.items()):
         places = beam.places[beam.nodes_of(name)]
         chord = np.diff(places, axis=0)
@@ -37,7 +43,7 @@ def near_place(beam: BeamOnBed, tip: Floats, reach: float = REACH) -> tuple[int,
             stations = beam.stations_of(name)
             best = float(off[k])
             found = number, float(stations[k] + fraction[k] * (stations[k + 1] - stations[k]))
-    return found
+    return best, *found
 
 
 def pointed_at(beam: BeamOnBed, eye: Floats, direction: Floats) -> tuple[int, float] | None:

@@ -30,7 +30,7 @@ class Results:
     def show(self, _: object) -> None:
         """Show nothing."""
 
-    def show_result(self, run: Any) -> None:
+    def show_result(self, run: Any, _: object) -> None:
         """Keep the run."""
         self.results.append(run)
         self.shown.set()

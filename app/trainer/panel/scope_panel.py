@@ -13,7 +13,7 @@ from app.anatomy import (
     shipped_anatomies,
     tube_title,
 )
-from app.simulation import Incident, Instrument, Reading, RunFile
+from app.simulation import Incident, Instrument, Reading, RunFile, nearest_wall
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import SceneName
 from app.trainer.client.scope_lead import HOLDS_MM_S, ScopeLead
@@ -300,10 +300,13 @@ class ScopePanel:
             return "the scope"
         tissue, hand = self._state.shown.spatial, self._state.hand
         holder = tissue.hands[hand]
-        held = ""
+        does = ""
         if holder.node is not None:
-            held = f", holds the {tube_title(tissue.tubes.names[holder.tube])}"
-        return f"{HANDS[hand].lower()}, {holder.instrument}{held}"
+            does = f", holds the {tube_title(tissue.tubes.names[holder.tube])}"
+        elif self._state.figures_visible:  # a picture of one eye does not tell how deep a tip is
+            far = max(nearest_wall(tissue.beam, holder.place)[0], 0.0)
+            does = f", {far:.0f} mm from a wall"
+        return f"{HANDS[hand].lower()}, {holder.instrument}{does}"
 
     def _standing(self, reading: Reading) -> str:
         """Return what a screen reader says of the tissue."""
