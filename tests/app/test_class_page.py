@@ -397,6 +397,7 @@ def test_a_level_at_an_anatomy_opens_the_scope_and_is_watched_and_replayed_there
             ann.page.keyboard.press("ArrowUp")
             expect(teacher.locator("#people")).to_contain_text("Stop a bleeding: ")
             expect(ann.page.get_by_test_id("exercise-state")).to_contain_text("It bleeds")
+            page.wait_until(lambda: (view.session.metrics()["blood_lost_ml"] or 0.0) > 0.0)
             page.press("Stop")
             page.wait_until(lambda: any(each.finished for each in lesson.store.runs()))
             (kept,) = lesson.store.runs()
