@@ -207,6 +207,8 @@ class DissectionRecorder:
         pressing = [i for i in sweeping if any(any(presses[rod]) for rod in duct.rods_of(i))]
         self._acting = holding + pressing or self._acting
         for work, hands in ((held, self._holding), (swept, self._sweeping)):
+            if not work:
+                continue
             if len(hands) == 1:
                 self._work[hands[0]] += work
                 continue
@@ -215,7 +217,7 @@ class DissectionRecorder:
                 for each in zip(forces, self._places, before, strict=True)
             ]
             total = sum(fractions[i] for i in hands)
-            for i in hands if work else ():
+            for i in hands:
                 weight = fractions[i] / total if total > 0.0 else 1.0 / len(hands)
                 self._work[i] += weight * work
 

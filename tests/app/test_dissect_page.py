@@ -495,7 +495,7 @@ def test_a_result_is_there_before_its_run_is_replayed(
         return whole(replay, look)
 
     def at_work() -> int:
-        return sum(each.name == "result" for each in threading.enumerate())
+        return dissections._workers.results.tasks_ahead_of(None)
 
     monkeypatch.setattr(Replay, "series", held)
     with trainer_page(browser, dissections.address) as tab:

@@ -22,8 +22,10 @@ EXPORT_VERTICES = 20_000
 class Workers:
     """Threads and a process that do the slow work of all clients, and how much they may make."""
 
-    # finds in a moment what a client waits for: a result, or what typed numbers mean
+    # finds in a moment what a client waits for: how a run ended, or what typed numbers mean
     awaited: BackgroundWorker = field(default_factory=BackgroundWorker)
+    # replays runs for their results, which takes as long as a minute each
+    results: BackgroundWorker = field(default_factory=BackgroundWorker)
     # solves what takes long, or no client waits for; seconds, and minutes where it compiles first
     background: BackgroundWorker = field(default_factory=BackgroundWorker)
     # builds organs, which takes seconds, one client's after the other's
@@ -34,7 +36,8 @@ class Workers:
 
     def stop(self) -> None:
         """End them."""
-        for each in (self.awaited, self.background, self.build_process, self.builder):
+        threads = self.awaited, self.results, self.background
+        for each in (*threads, self.build_process, self.builder):
             each.stop()
 
 

@@ -128,7 +128,7 @@ def show_result(
     """Open a run's result over the trainer: how it ended, its errors, measures, and what is next.
 
     What the run's end has told is there at once. Its plots, what was seen and the expert's run
-    follow: for them it is replayed in a thread of its own, until the result is closed.
+    follow: for them a worker replays it, until the result is closed.
     """
     gui, exercise, name = state.client.gui, run.log.exercise, run_name(run)
     experts: list[CarefulRun] = []
@@ -272,4 +272,4 @@ def show_result(
             if not closed.is_set():
                 raise
 
-    threading.Thread(target=follow_until_closed, name="result", daemon=True).start()
+    state.when_free(state.workers.results, (id(state), "result"), follow_until_closed)

@@ -71,7 +71,7 @@ LOOKS: Mapping[str, Mapping[str, Any]] = {
     },
 }  # fmt: skip
 # Colour of the tube that one goes on as, and the element there: of one that ends by itself.
-NOWHERE = (0.0, 0.0, 0.0), -1000
+NOWHERE = (0.0, 0.0, 0.0, -1000)
 # The spiral valves show at a cystic duct.
 FOLDED = ("cystic", "cystic_duct")
 # (x, y, z) mm and radius of the duodenum, which nobody touches, in the anatomies' frame.
@@ -187,10 +187,10 @@ def _tubes(
     for tube, dissection in zip(made.anatomy.tube, dissections, strict=True):
         rest, joined = made.network.tubes[tube.name], [end == "joined" for end in tube.ends]
         wall = tube_wall(dissection, rest, (joined[0], joined[1]))
-        color, end = NOWHERE
+        goes_on = NOWHERE
         if join := onto.get(tube.name):
             # It goes on as the other one: no step in width, and one colour fades into the other.
-            color, end = LOOKS[kinds[join.to]]["color"], join.end * (len(rest.places) - 1)
+            goes_on = (*LOOKS[kinds[join.to]]["color"], join.end * (len(rest.places) - 1))
             wall[-join.end] = made.network.tubes[join.to].radius[-1]
         look = dict(LOOKS[tube.kind])
         if tube.name in FOLDED:
@@ -203,7 +203,7 @@ def _tubes(
                 "wall": float32_text(wall),
                 "joined": joined,
                 "bare": tube.kind == "organ",
-                "onto": [*color, end],
+                "onto": goes_on,
                 "look": look,
             }
         )
@@ -213,7 +213,7 @@ def _tubes(
             "still": DUODENUM,
             "wall": float32_text(round_wall(np.array(DUODENUM))),
             "bare": True,
-            "onto": [*NOWHERE[0], NOWHERE[1]],
+            "onto": NOWHERE,
             "look": LOOKS["duodenum"],
         }
     )
