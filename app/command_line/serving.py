@@ -148,7 +148,10 @@ def serve(start: "Callable[[], Trainer]", say: "Callable[[Trainer], object]") ->
     try:
         say(running)
         print("Not clinically validated, not a medical device. Ctrl+C ends it.", flush=True)
-        stop.wait()
+        # A signal just before this thread sleeps, or one that another thread receives, sets no event
+        # until Python next runs here: a wait without an end would miss it.
+        while not stop.wait(0.5):
+            pass
     finally:
         running.stop()
     # The warming may be at work yet, for seconds. Nobody waits for it, and where it is inside some

@@ -217,9 +217,13 @@ def test_the_panel_at_an_anatomy_is_for_everyone(
         expect(dialog.get_by_role("button", name="Start")).to_be_focused()
         tab.start()
         page.add_style_tag(content=".mantine-Notifications-root { display: none }")
-        row = page.get_by_role("tablist").bounding_box()
-        assert row is not None
-        assert row["y"] + row["height"] < 0.75 * height  # below it is room to work
+        tabs = page.get_by_role("tablist")
+
+        def room_to_work() -> bool:
+            row = tabs.bounding_box()
+            return row is not None and row["y"] + row["height"] < 0.75 * height
+
+        tab.wait_until(room_to_work)  # below the tabs, when the panel has unfolded
         for name in ("Learn", "Replay", "Train"):
             tab.open(name)
             no_faults(tab, name)
