@@ -148,7 +148,7 @@ def serve(start: "Callable[[], Trainer]", say: "Callable[[Trainer], object]") ->
     try:
         say(running)
         print("Not clinically validated, not a medical device. Ctrl+C ends it.", flush=True)
-        # A signal just before this thread sleeps, or one that another thread receives, sets no event
+        # A signal that comes just before this thread sleeps, or to another thread, sets no event
         # until Python next runs here: a wait without an end would miss it.
         while not stop.wait(0.5):
             pass

@@ -115,7 +115,6 @@ class ErrorFinder:
         ratio = limits.get("peak_stress_ratio")
         hidden = limits.get("strands_broken_out_of_sight")
         self._duct = duct
-        self.radius = duct.radius
         # A free duct has no strands to judge. Those of an anatomy's layers are taken for as tough
         # as loose tissue about a duct.
         bed = duct.bed or bed_named("normal")
@@ -123,7 +122,6 @@ class ErrorFinder:
         anatomy = duct.specimen.anatomy
         kinds = [] if anatomy is None else [each.kind for each in anatomy.tube]
         self._titles = [tube_title(name) for name in tubes]
-        self._what = "the duct" if anatomy is None else "a tube"
         self._vessels = [tube for tube, kind in enumerate(kinds) if kind in ("artery", "vein")]
         self._wrong = [about is not None and name not in about for name in tubes]
         self._bleeding_since: dict[str, int] = {}
@@ -138,7 +136,7 @@ class ErrorFinder:
         self._divided = False  # whether a structure that is part of it is
         self._events, self._marks = len(duct.events), len(duct.marks)
         self.incidents = Incidents(
-            Conditions(bed.yield_mm, bed.failure_mm, self.radius, ratio, hidden),
+            Conditions(bed.yield_mm, bed.failure_mm, duct.radius, ratio, hidden),
             limits,
         )
         self._most_fraction = ratio or 1.0
@@ -436,50 +434,65 @@ class ErrorFinder:
                 incidents.note("no_traction", i, station, 0.0, parted)
         if touching:
             most = limits["blind_stab"]["speed"]
-            if speed > most and _hidden(
-                self._duct.beam.places, hand.place, self._duct.view, self.radius
-            ):
-                incidents.note(
-                    "blind_stab",
-                    i,
-                    station,
-                    speed,
-                    v=speed,
-                    d=speed * REACTION_SECONDS,
-                    speed=most,
-                    what=self._what,
+            beam = self._duct.beam
+            if (
+                speed > most
+                and (
+                    node := _hiding(
+                        beam.places,
+                        beam.state.thick,
+                        self._duct.radius,
+                        hand.place,
+                        self._duct.view,
+                    )
                 )
+                >= 0
+            ):
+                tube = next(
+                    tube
+                    for tube, name in enumerate(self._duct.tubes.names)
+                    if node in beam.nodes_of(name)
+                )
+                incidents.note(
+                    "blind_stab", i, station, speed, tube=tube,
+                    v=speed, d=speed * REACTION_SECONDS, speed=most,
+                    what=f"the {self._titles[tube]}",
+                )  # fmt: skip
         presses = self._duct.beam.state.press
         press = max(math.hypot(*presses[rod].tolist()) for rod in self._duct.rods_of(i))
         watch.presses.append(press)
         press = sum(watch.presses) / PULL_TICKS
-        if press > limits["instrument_on_wall"]["force"]:
-            tube, what = 0, self._what
-            if len(self._titles) > 1:
-                tube, station = self._pressed_tube(i)
-                what = f"the {self._titles[tube]}"
-            incidents.note(
-                "instrument_on_wall", i, station, press, tube=tube, f=press, tool=tool, what=what
-            )
+        on_wall = limits["instrument_on_wall"]
+        if press > on_wall["least"]:
+            tube, node = self._pressed(i)
+            stress = press * self._duct.tubes.press_stresses[tube][node]
+            if stress > on_wall["part"] * self._duct.strengths[tube]:
+                name = self._duct.tubes.names[tube]
+                station = float(self._duct.beam.stations_of(name)[node])
+                incidents.note(
+                    "instrument_on_wall", i, station, press,
+                    tube=tube, f=press, tool=tool, what=f"the {self._titles[tube]}",
+                )  # fmt: skip
         if tool == "dissector":
             self._judge_sweep(i, watch, parted)
 
-    def _pressed_tube(self, i: int) -> tuple[int, float]:
-        """Return the tube whose wall a hand's jaws are deepest in, and the station, mm."""
-        beam = self._duct.beam
-        deepest, found, station = math.inf, 0, 0.0
+    def _pressed(self, i: int) -> tuple[int, int]:
+        """Return the tube whose wall a hand's jaws are deepest in, and the node along it."""
+        beam, away = self._duct.beam, math.inf
+        gaps = np.full(len(beam.places), away)
         for rod in self._duct.rods_of(i):
             row = beam.state.rods[rod]
             out, along = beam.places - row[TIP : TIP + 3], row[SHAFT : SHAFT + 3]
             out -= np.maximum(out @ along, 0.0)[:, None] * along
-            gaps = np.sqrt((out**2).sum(axis=1)) - beam.state.thick[:, 0]
-            for tube, name in enumerate(self._duct.tubes.names):
-                of_tube = gaps[beam.nodes_of(name)]
-                node = int(of_tube.argmin())
-                if of_tube[node] < deepest:
-                    deepest, found = float(of_tube[node]), tube
-                    station = float(beam.stations_of(name)[node])
-        return found, station
+            np.minimum(gaps, np.sqrt((out**2).sum(axis=1)), out=gaps)
+        gaps -= beam.state.thick[:, 0]
+        nodes = [int(gaps[beam.nodes_of(name)].argmin()) for name in self._duct.tubes.names]
+        deepest = [
+            float(gaps[beam.nodes_of(name)][node])
+            for name, node in zip(self._duct.tubes.names, nodes, strict=True)
+        ]
+        tube = deepest.index(min(deepest))
+        return tube, nodes[tube]
 
     def _judge_sweep(self, i: int, watch: _Watch, parted: int) -> None:
         """Judge what jaws do that do not open: how far they go, and whether to and fro."""
@@ -667,17 +680,19 @@ def _count(damage: Floats, before: Floats, side: Bytes, rods: Ints, out: Ints) -
 
 
 @njit(cache=True)
-def _hidden(places: Floats, tip: Floats, towards: Floats, radius: float) -> bool:
-    """Return whether the line from a tip towards the viewer passes within a radius of an axis."""
+def _hiding(places: Floats, thick: Floats, least: float, tip: Floats, towards: Floats) -> int:
+    """Return the first node that hides a tip from the viewer, -1 for none."""
+    # The line from the tip towards the viewer passes within the outer radius there, or within
+    # `least`: tissue about a thin tube hides as well.
     for n in range(places.shape[0]):
         along, square = 0.0, 0.0
         for r in range(3):
             gap = places[n, r] - tip[r]
             along += gap * towards[r]
             square += gap * gap
-        if along > 0.0 and square - along * along < radius * radius:
-            return True
-    return False
+        if along > 0.0 and square - along * along < max(thick[n, 0], least) ** 2:
+            return n
+    return -1
 
 
 _COUNT = SameTypes(_count)

@@ -75,6 +75,19 @@ class Tubes:
         return tuple(np.flatnonzero(self.strands.tubes == each) for each in range(len(self.names)))
 
     @cached_property
+    def press_stresses(self) -> tuple[Floats, ...]:
+        """Of each tube, at its nodes: the wall's stress by a force across it of 1 N, MPa.
+
+        The force bends a beam on an elastic foundation, of the strands that hold it, by
+        F / (4 beta) with beta^4 = k / (4 E I) (Hetenyi 1946), one that is clamped at both ends by
+        F L / 8; the smaller counts.
+        """
+        return tuple(
+            _press_stress(rest, float(self.strands.stiffness[mine].sum()))
+            for rest, mine in zip(self.network.tubes.values(), self.strands_of, strict=True)
+        )
+
+    @cached_property
     def surfaces(self) -> tuple[SurfaceMapping, ...]:
         """Of each tube: how its surface follows the beam."""
         return tuple(
@@ -130,3 +143,14 @@ def _dissection(anatomy: Anatomy, tube: TubeTable, line: TubeLine, rest: SpaceBe
         organ, spacing=organ.length / DRIVING_POINTS_PER_SPAN, at=np.array(clamps)
     )
     return Dissection(organ, preset, beam, clamps, driving, rows.T.copy(), origin)
+
+
+def _press_stress(rest: SpaceBeam, held: float) -> Floats:
+    """Return the stress by a force across a beam of 1 N at its nodes, (N,) MPa; `held` in N/mm."""
+    assert rest.wall is not None  # noqa: S101 (every tube here has a wall)
+    bending = rest.stiffness[:, 4:].min(axis=1)
+    bending = np.concatenate([bending[:1], 0.5 * (bending[1:] + bending[:-1]), bending[-1:]])
+    decay = (held / rest.span / (4.0 * bending)) ** 0.25
+    moment = 1.0 / np.maximum(4.0 * decay, 8.0 / rest.span)
+    stress: Floats = moment / rest.wall[:, 1:].min(axis=1)
+    return stress

@@ -23,6 +23,8 @@ from app.simulation import (
     Limit,
     Session,
     Specimen,
+    bed_named,
+    specimen_in_bed,
 )
 from app.simulation.attempt import Attempt
 from app.simulation.clock import TICK_SECONDS
@@ -90,6 +92,19 @@ def test_sentences_say_what_where_and_what_instead() -> None:
         assert sentence == sentence.strip()
         assert error in ERROR_CLASSES
     assert len(sentences) >= 28, sorted(sentences)
+
+
+@pytest.mark.parametrize(("bed", "part"), [("loose", 0.077), ("normal", 0.09), ("firm", 0.107)])
+def test_a_press_is_judged_by_what_it_does_to_the_wall(bed: str, part: float) -> None:
+    """The closed form's tenth of the break, where strands part and the duct is finite."""
+    tissue = Session(specimen_in_bed(phantom(), bed=bed_named(bed)), vertices=FEW).spatial
+    beam, (stresses,) = tissue.beam, tissue.tubes.press_stresses
+    middle = len(stresses) // 2
+    assert stresses == pytest.approx(np.full_like(stresses, stresses[middle]), rel=0.03)
+    beam.take(middle)
+    beam.push(middle, [0.0, 0.0, 0.1 * tissue.threshold / float(stresses[middle])])
+    beam.tick(0.01, ticks=400)
+    assert beam.worst_stress().total / tissue.threshold == pytest.approx(part, rel=0.03)
 
 
 def test_an_incident_is_one_opening_and_one_closing() -> None:
