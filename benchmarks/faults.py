@@ -169,6 +169,14 @@ def stir_deep(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         yield from lift(hands, np.array([0.0, 14.0, 0.0]), speed, 1)
 
 
+def stir_in_place(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Sweep the closed jaws in and out and to both sides about one place."""
+    yield from behind(hands, middle(exercise))
+    for _ in range(10):
+        for along, across in ((3.0, -8.0), (-3.0, 8.0), (-3.0, -8.0), (3.0, 8.0)):
+            yield from lift(hands, np.array([along, across, 0.0]), speed, 1)
+
+
 def jump(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Throw the jaws open."""
     yield from behind(hands, middle(exercise))
@@ -617,6 +625,15 @@ FAULTS = (
         (1.0, 1.0, 1.0),
         "named_unsafe",
         at=COVERED,
+    ),
+    fault("window", "stir in place", stir_in_place, (5.0, 6.0, 7.0), "stirring"),
+    fault(
+        "follow_front",
+        "pull far back",
+        long_pull(back=1.2),
+        (6.0, 8.0, 10.0),
+        "unseen",
+        bed="normal",
     ),
 )
 
