@@ -1,17 +1,26 @@
 """The critical view of safety and a tented duct, as `Safety` finds them (docs/anatomy-file.md)."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from app.anatomy import tube_title
 
-__all__ = ["ENOUGH", "MOST_POINTS", "SOME", "Closing", "CriticalView", "Tenting"]
+__all__ = ["ENOUGH", "MOST_POINTS", "NEXT", "SOME", "Closing", "CriticalView", "Part", "Tenting"]
 
 MOST_POINTS = 6
 """Of the critical view: two for each of its parts."""
 ENOUGH, SOME = 0.9, 0.6
 """Fractions of a region's strands that have parted, for two points and for one."""
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
+
+Part = Literal["triangle", "tubes", "plate"]
+NEXT: dict[Part, str] = {
+    "triangle": "next, the triangle: part what holds the cystic duct, the artery and the common "
+    "duct together",
+    "tubes": "next, the two tubes: go round the cystic duct and the artery at the gallbladder",
+    "plate": "next, the cystic plate: part the gallbladder's lower third from the liver",
+}
+"""What to do for each part, in the order in which they are begun."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +53,17 @@ class CriticalView:
             _line("triangle", self.triangle_cleared, _free(self.triangle)),
             _line("cystic plate", self.plate_freed, _free(self.plate)),
         ]
+
+    @property
+    def next_part(self) -> Part | None:
+        """What to free next: the first part with the fewest points; None once each has all."""
+        points: dict[Part, int] = {
+            "triangle": self.triangle_cleared,
+            "tubes": self.two_structures,
+            "plate": self.plate_freed,
+        }
+        part = min(points, key=points.__getitem__)
+        return part if points[part] < MOST_POINTS // len(points) else None
 
 
 @dataclass(frozen=True, slots=True)

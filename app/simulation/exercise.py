@@ -152,9 +152,14 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         return isinstance(self.goal, WhoIsWho)
 
     @property
+    def shows_view(self) -> bool:
+        """Whether it asks for points of the critical view of safety."""
+        return isinstance(self.goal, CriticalView)
+
+    @property
     def points_from(self) -> float:
         """The progress, 0 to 1, from which on it is pointed at."""
-        return 0.5 if isinstance(self.goal, CriticalView) else 0.0
+        return 0.5 if self.shows_view else 0.0
 
     @property
     def task(self) -> str:

@@ -55,7 +55,7 @@ EXERCISES: dict[str, ExerciseKind] = {
     "critical_view": ExerciseKind(
         "Critical view",
         "show the two structures that alone enter the gallbladder, clear the triangle and free "
-        "the lower third of the cystic plate",
+        "the gallbladder's lower third from the liver (the cystic plate)",
         (
             "wrong_structure", "mistaken", "clip_wrong_tube", "divided_before_view", "clip_short",
             "bleeding",

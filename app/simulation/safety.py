@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import Anatomy
-from app.simulation.critical_view import ENOUGH, SOME, Closing, CriticalView, Tenting
+from app.simulation.critical_view import ENOUGH, SOME, Closing, CriticalView, Part, Tenting
 from app.simulation.inputs import Structure
 from app.simulation.spatial_tissue import SpatialTissue
 from app.simulation.structures import LOWER_FRACTION, entering_tubes, named_structures
@@ -22,6 +22,7 @@ __all__ = ["Safety"]
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 STRUCTURE_MM = 6.0
 """Length of each structure, next to the gallbladder, that must be free all round."""
@@ -162,6 +163,13 @@ class Safety:
         if torn:
             points = 0, 0, 0
         return CriticalView(*points, structures, neck, triangle, plate, torn)
+
+    def strands_of(self, part: Part) -> Ints:
+        """Return the strands, parted or not, that a part of the view is judged by."""
+        which = {"triangle": self._triangle, "plate": self._plate, "tubes": self._neck}[part]
+        if part == "tubes":
+            which = np.any([which, *self._about.values()], axis=0)
+        return np.flatnonzero(which)
 
     def freed_all_round(self) -> dict[str, float]:
         """Return the longest stretch of each structure that nothing holds any more, mm."""

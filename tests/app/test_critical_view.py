@@ -20,6 +20,7 @@ from app.simulation import (
     read_run,
     run_json,
 )
+from app.simulation.critical_view import NEXT
 from app.simulation.goals import CriticalView
 
 
@@ -40,6 +41,7 @@ def viewed() -> Session:
     session.advance(12)
     assert session.run.standing.split("; ") == [
         "0 of 5 points",
+        NEXT["triangle"],
         "two tubes alone, 0 of 2: cystic artery 0 %, cystic duct 0 %, neck 0 %, 90 % asked of each",
         "triangle, 0 of 2: 0 % free, 60 % asked",
         "cystic plate, 0 of 2: 0 % free, 60 % asked",

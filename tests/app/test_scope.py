@@ -26,20 +26,30 @@ from app.simulation import (
     Feedback,
     Phase,
     Replay,
+    Safety,
     Session,
     Sights,
     Specimen,
     Trocar,
+    exercise_at,
     exercises_offered,
     near_place,
     performed,
     read_run,
     read_script,
     run_json,
+    wall_offset,
 )
 from app.simulation.trocar import DEEPEST, LENGTH
 from app.trainer.client.page_state import PageState
-from app.trainer.client.scope_lead import HOLDS_MM_S, SPREAD, STEADY, STOPS_AT, ScopeLead
+from app.trainer.client.scope_lead import (
+    CLOSES_MM_S,
+    HOLDS_MM_S,
+    SPREAD,
+    STEADY,
+    STOPS_AT,
+    ScopeLead,
+)
 from app.trainer.client.workers import Workers
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
@@ -367,45 +377,100 @@ def test_jaws_part_at_once_but_are_not_thrown_open(lead: ScopeLead) -> None:
                     for each in ("artery", "cystic"))  # fmt: skip
     lead.lead_hand(0.5 * (artery + duct))
     pass_time(lead, session, 4.0)
+    hand = session.spatial.hands[1]
+
+    def quickest(ticks: int) -> float:
+        """Return how fast the jaws go at most, mm/s."""
+        most, before = 0.0, hand.opening
+        for _ in range(ticks):
+            pass_time(lead, session, TICK_SECONDS)
+            most, before = max(most, abs(hand.opening - before) / TICK_SECONDS), hand.opening
+        return most
+
     lead.use_instrument()
-    most, opening = 0.0, 0.0
-    for _ in range(60):
-        lead.advance(1)
-        session.advance()
-        now = session.spatial.hands[1].opening
-        most, opening = max(most, (now - opening) / TICK_SECONDS), now
-    assert opening == SPREAD
-    assert most < session.run._recorder.errors.limits["jumping_jaws"]["speed"]
-    lead.use_instrument()  # closed they are at once
-    assert session.spatial.hands[1].target_opening == 0.0
-    lead.use_instrument()
-    pass_time(lead, session, 0.5)
+    assert quickest(60) < session.run._recorder.errors.limits["jumping_jaws"]["speed"]
+    assert 0.0 < hand.opening <= SPREAD
     lead.use_instrument()  # before they are wide apart
-    pass_time(lead, session, 1.0)
-    assert session.spatial.hands[1].opening == 0.0
+    assert quickest(60) <= CLOSES_MM_S * (1 + 1e-9)
+    assert hand.opening == 0.0
 
 
-def test_jaws_stop_before_a_wall_breaks(lead: ScopeLead) -> None:
-    """Beside a duct that is held taut the button alone tears nothing; a key goes on."""
-    session = lead.session
-    tissue = session.spatial
+def taut(lead: ScopeLead) -> None:
+    """Hold the cystic duct so taut that its wall is near its break."""
+    session, tissue = lead.session, lead.session.spatial
     session.grab(0, 12.0, tissue.tubes.names.index("cystic"))
     session.move_hand(0, tissue.hands[0].place + np.array([0.0, 0.0, 60.0]))
     for _ in range(400):
         session.advance()
-        if tissue.stress_ratio >= STOPS_AT:
+        if tissue.stress_ratio > STOPS_AT:
             break
-    session.move_hand(0, tissue.hands[0].place)
-    assert STOPS_AT <= tissue.stress_ratio < 1.0
-    lead.choose(1)
-    lead.use_instrument()
+    session.move_hand(0, tissue.hands[0].place - [0.0, 0.0, 0.1])
+    pass_time(lead, session, 1.0)
+    assert STOPS_AT < tissue.stress_ratio < 1.0
+
+
+def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
+    """Whoever has a mouse feels no force: a drag is led no further, each click or key a little."""
+    taut(lead)
+    session, tissue = lead.session, lead.session.spatial
+    start, before = tissue.hands[0].place.copy(), tissue.stress_ratio
+    lead.choose(0)
+    lead.lead_hand(start + wall_offset(tissue, 0) + [0.0, 0.0, 20.0])
     pass_time(lead, session, 2.0)
-    assert tissue.hands[1].opening == 0.0
+    assert np.linalg.norm(tissue.hands[0].place - start) < 0.2
     (_, reason), _ = cast(MagicMock, lead._state.client).add_notification.call_args
     assert reason.startswith(f"The {tube_title(tissue.most_stressed)} nears its break")
-    lead.open_more(1.0)
+    lead.nudge(0.0, 0.5, 0.0)  # towards the liver and out of the bed
     pass_time(lead, session, 0.5)
-    assert tissue.hands[1].opening == 1.0
+    assert before < tissue.stress_ratio < 1.0
+    lead.lead_hand(start + wall_offset(tissue, 0) - [0.0, 0.0, 4.0])  # it gives way at any time
+    pass_time(lead, session, 2.0)
+    assert tissue.stress_ratio < STOPS_AT
+    # Nobody who is not to see figures is helped by them.
+    session.start_exercise(exercise_at(anatomy_named("normal"), "critical_view"), Feedback.SUMMARY)
+    taut(lead)
+    start = tissue.hands[0].place.copy()
+    lead.lead_hand(start + wall_offset(tissue, 0) + [0.0, 0.0, 3.0])
+    pass_time(lead, session, 1.0)
+    assert np.linalg.norm(tissue.hands[0].place - start) > 1.0
+
+
+def test_a_tip_that_meets_a_wall_goes_slowly(lead: ScopeLead) -> None:
+    """Pressed on the artery a dissector lifts no wall to its break, however far it is led."""
+    session, tissue = lead.session, lead.session.spatial
+    lead.choose(1)
+    artery = tissue.beam.places_at(np.array([10.0]), "artery")[0]
+    above = np.array([0.0, 0.0, 12.0])
+    lead.lead_hand(artery + above)
+    pass_time(lead, session, 2.0)
+    lead.lead_hand(artery - above)
+    hand, steps = session.spatial.hands[1], list[tuple[bool, float]]()
+    for _ in range(120):
+        before, pressed = hand.target[2], tissue.forces[1][2] < -0.15
+        pass_time(lead, session, TICK_SECONDS)
+        steps.append((pressed, (before - hand.target[2]) / TICK_SECONDS))
+    assert max(step for _, step in steps) > 2.0 * HOLDS_MM_S
+    assert any(pressed for pressed, _ in steps)
+    assert max(step for pressed, step in steps if pressed) <= HOLDS_MM_S * (1 + 1e-9)
+    assert STOPS_AT <= session.spatial.peak_stress_ratio < 0.8
+
+
+def test_what_the_next_point_needs_is_marked(lead: ScopeLead) -> None:
+    """In the exercise alone, by the page's numbers of strands, and as long as it is wanted."""
+    session, state = lead.session, lead._state
+    assert lead.to_part == ()
+    session.start_exercise(exercise_at(anatomy_named("normal"), "critical_view"))
+    tissue, safety = session.spatial, Safety(session.spatial)
+    order = tissue.beam.order
+    assert sorted(order[list(lead.to_part)]) == safety.strands_of("triangle").tolist()
+    # A point of the triangle, and the two tubes are what has fewest.
+    tissue.beam.detach(np.isin(np.arange(order.size), safety.strands_of("triangle")[:500]))
+    session.advance()
+    assert safety.critical_view().triangle_cleared == 1
+    tissue.broken = tissue.beam.broken
+    assert sorted(order[list(lead.to_part)]) == safety.strands_of("tubes").tolist()
+    state.show(marks_next=False)
+    assert lead.to_part == ()
 
 
 def test_any_tube_s_tear_ends_and_is_told(lead: ScopeLead) -> None:

@@ -69,10 +69,10 @@ class PageState:
     """What the parts of one client's page share. Its methods may be called by any thread.
 
     `hand` is the number of the active hand, which the mouse on the duct and the keys lead.
-    `colours`, `overlay` (the model's points), `plain` (the simple picture) and `into_picture`
-    (whether drags go there) are the client's choices; `last_run` the last run that ended or was
-    given up, to be judged and replayed, `last_errors` its errors, and `kept` is called when there
-    is one.
+    `colours`, `overlay` (the model's points), `plain` (the simple picture), `into_picture` (whether
+    drags go there) and `marks_next` (whether what is to be parted next is marked) are the client's
+    choices; `last_run` the last run that ended or was given up, to be judged and replayed,
+    `last_errors` its errors, and `kept` is called when there is one.
     `exercise_inputs` says which inputs count in exercises, and `policy` starts one beside them.
     """
 
@@ -97,6 +97,7 @@ class PageState:
         self.playback: ReplayPlayback | LivePlayback | None = None
         self._replayed: RunFile | None = None
         self.plain = self.overlay = self.into_picture = False
+        self.marks_next = True
         self._colours: Colours = "tissue"
         self.spread: Spread | None = None  # of the ducts of a band beside the distance to break
         self.kept: Callable[[], None] = lambda: None
@@ -187,12 +188,14 @@ class PageState:
         overlay: bool | None = None,
         plain: bool | None = None,
         into_picture: bool | None = None,
+        marks_next: bool | None = None,
     ) -> None:
         """Choose what is shown; None leaves a choice as it is."""
         self._colours = self._colours if colours is None else colours
         self.overlay = self.overlay if overlay is None else overlay
         self.plain = self.plain if plain is None else plain
         self.into_picture = self.into_picture if into_picture is None else into_picture
+        self.marks_next = self.marks_next if marks_next is None else marks_next
         self._changed = True
 
     def show_next(self) -> None:

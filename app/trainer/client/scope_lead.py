@@ -16,6 +16,7 @@ from app.simulation import (
     TROCARS,
     Hand,
     Instrument,
+    Safety,
     Session,
     Structure,
     near_place,
@@ -25,7 +26,7 @@ from app.simulation import (
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
 
-__all__ = ["HOLDS_MM_S", "SPREAD", "STOPS_AT", "ScopeLead"]
+__all__ = ["CLOSES_MM_S", "HOLDS_MM_S", "SPREAD", "STOPS_AT", "ScopeLead"]
 
 Floats = NDArray[np.float64]
 
@@ -37,13 +38,19 @@ LEAD_MM_S: Mapping[Instrument, float] = {
     "clip applier": 25.0, "scissors": 25.0, "suction": 25.0,
 }  # fmt: skip
 """mm/s at most of a hand that holds nothing: those that part or press go slowly."""
-SPREAD, PARTS_MM_S = 8.0, 5.0
-"""mm that jaws part by, and how fast: quicker ones are thrown open (`jumping_jaws`)."""
-STOPS_AT = 0.7
-"""Of a wall's break, from which jaws part no further by themselves."""
+SPREAD, PARTS_MM_S, CLOSES_MM_S = 20.0, 5.0, 15.0
+"""mm that jaws part by at most, and mm/s: quicker ones are thrown open (`jumping_jaws`), and jaws
+that close at once crush what has come between them."""
+STOPS_AT, INSISTS = 0.7, 0.03
+"""Of a wall's break, from which on what strains it is led no further; and how much more than there
+is then each key or click allows."""
+GIVES_MM = 0.1
+"""By which a hand that stops gives way."""
+LEAST_PUSH_N = 0.1
+"""N against a hand's move, from which on it goes as slowly as one that holds."""
 STOPPED = (
-    "The {} nears its break, so the jaws stop. Close them, slacken what the other hand pulls, and "
-    "part elsewhere or less deep. The key O parts them on."
+    "The {} nears its break, so the instrument stops. Close or withdraw it, slacken what the other "
+    "hand pulls, and part elsewhere or less deep. Each click or key goes on a little."
 )
 COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
 """Instruments whose jaws come open."""
@@ -78,9 +85,13 @@ class ScopeLead:
         self._points_at: Structure | None = None
         self._cross = 0.0, 0.0
         self._photographs = False  # whether one is asked for
+        self._judged: object = None  # of what `_to_part` was found
+        self._to_part: tuple[int, ...] = ()
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
-        self._parting = [False] * len(state.hands)  # whose jaws go apart
+        # Of each hand, how far its jaws go apart or together, mm, or None.
+        self._jaws: list[float | None] = [None] * len(state.hands)
+        self._stops_at = STOPS_AT
 
     @property
     def session(self) -> Session:
@@ -110,6 +121,21 @@ class ScopeLead:
     def cross(self) -> tuple[float, float] | None:
         """Where keys point, right and up in the picture, whose radius is 1; None if they do not."""
         return None if self.points_at is None else self._cross
+
+    @property
+    def to_part(self) -> tuple[int, ...]:
+        """The strands, as the page numbers them, that the next point of an exercise needs."""
+        state, run = self._state, self._state.session.run
+        exercise, tissue = run.exercise, state.session.spatial
+        shown = state.marks_next and state.figures_visible and state.playback is None
+        if exercise is None or not exercise.shows_view or run.over or self.structures or not shown:
+            return ()
+        if self._judged != (tissue, tissue.broken):  # nothing else changes it
+            self._judged, safety = (tissue, tissue.broken), Safety(tissue)
+            part = safety.critical_view().next_part
+            wanted = () if part is None else safety.strands_of(part)
+            self._to_part = tuple(np.flatnonzero(np.isin(tissue.beam.order, wanted)).tolist())
+        return self._to_part
 
     def point(self, structure: Structure | None) -> None:
         """Let the pointer mark a structure from now on, or lead hands again."""
@@ -188,7 +214,7 @@ class ScopeLead:
         state.choose_instrument(hand, instrument)
         if state.hands[hand].instrument == before:
             return
-        self._goals[hand], self._parting[hand] = None, False
+        self._goals[hand] = self._jaws[hand] = None
         self._aim(hand)
         if instrument in COMES_OPEN:
             state.session.open_jaws(hand, CLIP_OPENING)
@@ -229,31 +255,54 @@ class ScopeLead:
         state = self._state
         if state.playback is not None or state.paused or state.session.run.closed:
             return
+        stops = self._nears_break()
         for hand, goal in enumerate(self._goals):
             holder = state.hands[hand]
-            if self._parting[hand]:
-                self._part(hand, PARTS_MM_S * TICK_SECONDS * ticks)
+            self._lead_jaws(hand, stops, TICK_SECONDS * ticks)
             if goal is None:
                 continue
             path = goal - holder.target
             far = math.sqrt(float((path * path).sum()))
-            most = self._speed(holder) * TICK_SECONDS * ticks
+            strains = float(path @ state.session.spatial.forces[hand]) > LEAST_PUSH_N * far
+            if strains and stops:
+                self._goals[hand] = None
+                state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
+                self._say_stopped()
+                continue
+            most = self._speed(holder, strains) * TICK_SECONDS * ticks
             if far <= most:
                 self._goals[hand] = None
             step = path if far <= most else path * (most / far)
             state.session.move_hand(hand, holder.target + step)
             self._aim(hand)
 
-    def _part(self, hand: int, more: float) -> None:
-        """Part jaws by some mm more, unless a wall is near its break: no force is felt here."""
-        state, tissue = self._state, self.session.spatial
-        apart = tissue.hands[hand].target_opening + more
-        near = tissue.stress_ratio >= STOPS_AT and state.figures_visible
-        self._parting[hand] = apart < SPREAD and not near
-        if near:
-            state.refuse(STOPPED.format(tube_title(tissue.most_stressed)))
-        else:
-            state.session.open_jaws(hand, min(apart, SPREAD))
+    def _nears_break(self) -> bool:
+        """Return whether a wall is nearer to its break than it may come: no force is felt here."""
+        ratio = self.session.spatial.stress_ratio
+        if ratio < STOPS_AT:
+            self._stops_at = STOPS_AT
+        return ratio > self._stops_at and self._state.figures_visible
+
+    def _insist(self) -> None:
+        """Let a wall come a little nearer to its break than it is, if it is near."""
+        self._stops_at = max(STOPS_AT, self.session.spatial.stress_ratio + INSISTS)
+
+    def _say_stopped(self) -> None:
+        self._state.refuse(STOPPED.format(tube_title(self.session.spatial.most_stressed)))
+
+    def _lead_jaws(self, hand: int, stops: bool, seconds: float) -> None:
+        """Part or close jaws as far as they are led, no faster than they may."""
+        goal, opened = self._jaws[hand], self._state.hands[hand].target_opening
+        if goal is None:
+            return
+        if stops:
+            self._jaws[hand] = None
+            self._say_stopped()
+            return
+        most = seconds * (PARTS_MM_S if goal > opened else CLOSES_MM_S)
+        self.session.open_jaws(hand, min(max(goal, opened - most), opened + most))
+        if abs(goal - opened) <= most:
+            self._jaws[hand] = None
 
     def nudge(self, right: float, up: float, away: float) -> None:
         """Move the active hand's tip in the picture, mm, or turn the scope by as many steps."""
@@ -269,6 +318,7 @@ class ScopeLead:
         if self.by_handle:
             self.push_handle(right, up, away)
             return
+        self._insist()
         step = self.held.camera.axes @ np.array([right, up, -away])
         goal = self._goals[self.hand]
         start = self._state.hands[self.hand].target if goal is None else goal
@@ -338,11 +388,9 @@ class ScopeLead:
             state.refuse(ENDS)
 
     def _open_or_close(self) -> None:
-        opened = self._state.hands[self.hand].target_opening
-        if opened > 0.0:
-            self.open_more(-opened)
-        else:
-            self._parting[self.hand] = True
+        opened = self._state.hands[self.hand].target_opening > 0.0
+        self._insist()
+        self._jaws[self.hand] = 0.0 if opened else SPREAD
 
     def _close(self, act: Callable[[int], bool]) -> None:
         if not act(self.hand):
@@ -357,13 +405,13 @@ class ScopeLead:
         """Part the active hand's jaws by some mm more, or less."""
         if self._may_act():
             state = self._state
-            self._parting[self.hand] = False
+            self._jaws[self.hand] = None
             state.session.open_jaws(self.hand, state.hands[self.hand].target_opening + more)
 
     def reset(self) -> None:
         """Make all whole, and lead nothing."""
         self._goals = [None] * len(self._goals)
-        self._parting = [False] * len(self._parting)
+        self._jaws = [None] * len(self._jaws)
         self._state.reset()
 
     def _may_act(self) -> bool:
@@ -371,8 +419,9 @@ class ScopeLead:
         state = self._state
         return state.playback is None and not state.refuses(self.hand) and not state.is_closed()
 
-    def _speed(self, holder: Hand) -> float:
-        return HOLDS_MM_S if holder.node is not None else LEAD_MM_S[holder.instrument]
+    def _speed(self, holder: Hand, strains: bool) -> float:
+        slow = strains or holder.node is not None
+        return HOLDS_MM_S if slow else LEAD_MM_S[holder.instrument]
 
     def _aim(self, hand: int) -> None:
         """Lay an instrument along its shaft; a right angle's tip stays as it is turned."""

@@ -70,6 +70,8 @@ STEP = 0.5
 """mm that a key moves a tip by."""
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
+MARKS = "Mark what is next"
+MARKED = "In Critical view: a dot on each strand that the next point needs"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
 YOU_HOLD = "You hold the scope. V gives it back."
 HOW_PX = 84
@@ -204,6 +206,8 @@ class ScopePanel:
         on_click(self._wipe, lead.wipe_lens)
         self._held = gui.add_html("")
         self._add_anatomies()
+        self._marks = gui.add_checkbox(MARKS, initial_value=self._state.marks_next, hint=MARKED)
+        on_input(self._marks, lambda value: self._state.show(marks_next=value is True))
         self._plain = gui.add_checkbox(SIMPLE_PICTURE, initial_value=self._state.plain, hint=PLAIN)
         on_input(self._plain, lambda value: self._state.show(plain=value is True))
         reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, hint="All whole again (R)")
@@ -229,6 +233,7 @@ class ScopePanel:
         set_if_changed(self._held, content=note(words, "scope"))
         set_if_changed(self._readout, content=self._figures(reading))
         set_if_changed(self._plain, value=state.plain)
+        set_if_changed(self._marks, value=state.marks_next)
         self._pointing.show()
         self._photograph_view()
         self._exercises.show()

@@ -1,7 +1,7 @@
 """An anatomy through the scope, in one client's page: what is sent once, and each frame.
 
 The page draws all of it from a frame's few numbers (`packing`), in `page/`: `pose.js`, `state.js`,
-`sheet.js`, `instruments.js` and `picture.js`, and the shaders beside them.
+`sheet.js`, `instruments.js`, `picture.js` and `marks.js`, and the shaders beside them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,6 +37,7 @@ SCRIPTS = (
     "sheet",
     "instruments",
     "picture",
+    "marks",
     "pointer",
     "photograph",
     "gamepad",

@@ -45,6 +45,11 @@ class Led(Protocol):
         """Where keys point, right and up in the picture, whose radius is 1; None if they do not."""
         ...
 
+    @property
+    def to_part(self) -> tuple[int, ...]:
+        """The strands, as the page numbers them, that are marked in the picture."""
+        ...
+
     def take_request(self) -> bool:
         """Return whether a photograph was asked for since the last call."""
         ...
@@ -123,7 +128,7 @@ class ScopeScene:
         self._drawn_with = -1.0  # the angle of the scope that the page has
         # as the page has it: a hand or what else is led, by which end, where the cross is
         self._leads: tuple[int, bool, tuple[float, float] | None] | None = None
-        self._warning = ""
+        self._warning, self._marked = "", tuple[int, ...]()
         self._frame = client.scene.add_frame("/scope", show_axes=False)
         self._pointer: viser.GuiTextHandle | None = None
         self._photograph: viser.GuiTextHandle | None = None
@@ -167,6 +172,10 @@ class ScopeScene:
             self._warning = warning
             run_function(self._client.scene, "bluntdissectScope.warn", warning)
         led = self._led
+        marked = led.to_part
+        if marked != self._marked:
+            self._marked = marked
+            run_function(self._client.scene, "bluntdissectScope.mark", marked)
         hand = POINTS if led.cross is not None else SCOPE if led.leads_scope else led.hand
         leads = hand, led.by_handle, led.cross
         if self._photograph is not None and led.take_request():
@@ -249,7 +258,7 @@ class ScopeScene:
                 scope,
                 plain=self._look == "plain",
             )
-            self._leads, self._warning = None, ""
+            self._leads, self._warning, self._marked = None, "", ()
         return self._picture
 
     def _clear(self) -> None:
