@@ -19,6 +19,7 @@ README = (ROOT / "README.md").read_text()
 TUTORIALS = (
     "dissect",
     "triangle",
+    "first-view",
     "class",
     "check",
     "organ",

@@ -37,11 +37,11 @@ __all__ = [
 
 Goal = Literal[
     "window", "follow_front", "free_scar", "hold_stretch", "approach_break", "gentle_lifts",
-    "stop_bleeding", "critical_view", "who_is_who",
+    "stop_bleeding", "first_view", "critical_view", "who_is_who",
 ]  # fmt: skip
 PULLS: tuple[Goal, ...] = ("hold_stretch", "approach_break", "gentle_lifts")
 """Those of a free duct."""
-AT_ANATOMY: tuple[Goal, ...] = ("stop_bleeding", "critical_view", "who_is_who")
+AT_ANATOMY: tuple[Goal, ...] = ("stop_bleeding", "first_view", "critical_view", "who_is_who")
 """Those at an anatomy, through the laparoscope."""
 DRAWN = "drawn"
 """In the place of an anatomy's name: one that is drawn by published frequencies and a seed."""
@@ -68,6 +68,7 @@ NUMBERS: dict[Goal, tuple[str, ...]] = {
     "gentle_lifts": ("repeats", "return_below", *HELD),
     "stop_bleeding": ("seconds", *AT_ANATOMY_LIMITS),
     "who_is_who": ("points", TIME_LIMIT),
+    "first_view": ("points", "stay", "go", *AT_ANATOMY_LIMITS),
     "critical_view": ("points", "stay", "go", *AT_ANATOMY_LIMITS),
 }  # fmt: skip
 """What an exercise file may give for a goal: fields of it, metrics that are limited, the time."""

@@ -64,8 +64,12 @@ LOOSEST = 0.95
 """An exercise whose limit of stress comes out above this part of the break is not offered."""
 MOST_SEEDS = 20
 SCAR = "scar"
-POINTS = 5  # of the critical view of safety
+POINTS, FIRST_POINTS = 5, 3  # of the critical view of safety, and for who begins
 STAY_CLIPS, GO_CLIPS = 2, 1  # on the side of a structure that stays, and on that which goes
+VIEWS = {
+    "critical_view": CriticalView(POINTS, stay=STAY_CLIPS, go=GO_CLIPS),
+    "first_view": CriticalView(FIRST_POINTS),
+}
 STOPPED_SECONDS = 3.0
 FEW = 300
 """Vertices of a duct that nobody sees."""
@@ -74,7 +78,7 @@ MOST_STRANDS = 10**6
 
 
 IN_BED = ("window", "follow_front", "free_scar")
-AT_ANATOMY = ("critical_view", "who_is_who", "stop_bleeding")
+AT_ANATOMY = ("critical_view", "first_view", "who_is_who", "stop_bleeding")
 EXPOSED = (0.35, 0.75, 1.0)
 """Parts of what holds the structures that have parted in a picture, by its anatomy's seed."""
 TRACTION_MM = 9.0
@@ -137,8 +141,8 @@ def _offered_at(anatomy_json: bytes, name: str) -> Exercise | None:
     except ValueError:
         return None
     where = Opening(anatomy=anatomy_or_name(anatomy))
-    if name == "critical_view":
-        exercise = _exercise(name, CriticalView(POINTS, stay=STAY_CLIPS, go=GO_CLIPS), [], where)
+    if name in VIEWS:
+        exercise = _exercise(name, VIEWS[name], [], where)
         about = (safety.gallbladder, *safety.entering)
         return msgspec.structs.replace(exercise, about=about)
     if name == "who_is_who":

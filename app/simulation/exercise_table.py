@@ -52,10 +52,16 @@ EXERCISES: dict[str, ExerciseKind] = {
         ("no_traction", "traction_lost", "leaning", *WITH_JAWS), in_hand=("grasper", "dissector"),
         time_limit_s=120.0, spare=1.25, spare_force=1.5,
     ),
+    "first_view": ExerciseKind(
+        "First view",
+        "draw the gallbladder aside, part the tissue of the triangle, lift the neck, and draw the "
+        "gallbladder off the liver; dots mark what comes next",
+        ("wrong_structure", "bleeding"), ALL_INSTRUMENTS, time_limit_s=900.0,
+    ),
     "critical_view": ExerciseKind(
         "Critical view",
         "show the two structures that alone enter the gallbladder, clear the triangle and free "
-        "the gallbladder's lower third from the liver (the cystic plate)",
+        "the lower third of the cystic plate",
         (
             "wrong_structure", "mistaken", "clip_wrong_tube", "divided_before_view", "clip_short",
             "bleeding",

@@ -23,6 +23,7 @@ from app.simulation import (
     TICK_SECONDS,
     TROCARS,
     Dissection,
+    Exercise,
     Feedback,
     Phase,
     Replay,
@@ -395,6 +396,13 @@ def test_jaws_part_at_once_but_are_not_thrown_open(lead: ScopeLead) -> None:
     assert hand.opening == 0.0
 
 
+def critical_view() -> Exercise:
+    """Return the exercise at the usual anatomy."""
+    exercise = exercise_at(anatomy_named("normal"), "critical_view")
+    assert exercise is not None
+    return exercise
+
+
 def taut(lead: ScopeLead) -> None:
     """Hold the cystic duct so taut that its wall is near its break."""
     session, tissue = lead.session, lead.session.spatial
@@ -427,7 +435,7 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     pass_time(lead, session, 2.0)
     assert tissue.stress_ratio < STOPS_AT
     # Nobody who is not to see figures is helped by them.
-    session.start_exercise(exercise_at(anatomy_named("normal"), "critical_view"), Feedback.SUMMARY)
+    session.start_exercise(critical_view(), Feedback.SUMMARY)
     taut(lead)
     start = tissue.hands[0].place.copy()
     lead.lead_hand(start + wall_offset(tissue, 0) + [0.0, 0.0, 3.0])
@@ -459,7 +467,7 @@ def test_what_the_next_point_needs_is_marked(lead: ScopeLead) -> None:
     """In the exercise alone, by the page's numbers of strands, and as long as it is wanted."""
     session, state = lead.session, lead._state
     assert lead.to_part == ()
-    session.start_exercise(exercise_at(anatomy_named("normal"), "critical_view"))
+    session.start_exercise(critical_view())
     tissue, safety = session.spatial, Safety(session.spatial)
     order = tissue.beam.order
     assert sorted(order[list(lead.to_part)]) == safety.strands_of("triangle").tolist()

@@ -8,6 +8,7 @@
   const LEAST_MS = 33;       // between two messages of one movement
   const WHEEL_MM = 1.5, PINCH = 0.25;  // mm of depth: a notch of the wheel, and a dot of a pinch
   const QUICK_MS = 120, QUICK = 3;     // notches that follow in less time go so many times as far
+  const LAGS_MS = 1000;      // for which what was led last counts, and not the tip that is drawn: pictures may come late
   const POINTS = -2;         // in the place of a hand: the pointer marks what it points at
   const LOOK = 0.0022;       // rad of pan and tilt, a dot
   let lead = null;           // the widget's number, and what the pointer leads: a hand, or the scope
@@ -29,7 +30,7 @@
     return add(add(pose.back.map(v => -v), pose.right, x * high * box.width / box.height), pose.up, y * high);
   };
   const depthOf = place => -dot(sub(place, scope.picture.pose.tip), scope.picture.pose.back);
-  const leadTo = target => { lead.target = target; saySoon(() => `move ${fixed(target)}`); };
+  const leadTo = target => { Object.assign(lead, { target, at: performance.now() }); saySoon(() => `move ${fixed(target)}`); };
   // Pushes of the handle add up until they are sent.
   const push = move => {
     pushed = add(pushed, move);
@@ -78,6 +79,7 @@
     if (!down.delete(event.pointerId) || down.size) return;
     event.stopPropagation();
     // After the last movement, which may still wait.
+    lead.at = -Infinity;  // what is held stops where it is
     if (lead.hand >= 0) setTimeout(() => { if (lead && !down.size) say("stop"); }, LEAST_MS + 1);
   };
   // Where the button is let go out of sight of the page, in another window, nothing tells of it.
@@ -92,7 +94,8 @@
     if (lead.hand < 0) { say(`scope ${fixed([0, 0, mm, 0])}`); return; }
     if (lead.byHandle) { push([0, 0, mm]); return; }
     const from = down.size && lead.target ? lead.target : picture.state.hand(lead.hand).tip;
-    const start = waiting || down.size ? lead.target ?? from : from, offset = sub(start, picture.pose.tip), now = depthOf(start);
+    const late = performance.now() - lead.at < LAGS_MS;
+    const start = waiting || down.size || late ? lead.target ?? from : from, offset = sub(start, picture.pose.tip), now = depthOf(start);
     lead.depth = Math.max(8, now + mm);
     leadTo(add(picture.pose.tip, offset, lead.depth / now));
   };

@@ -1,0 +1,195 @@
+"""A trainee at an anatomy: mouse, wheel and keys as the page sends them, one led hand at a time."""
+
+import math
+from types import SimpleNamespace
+from typing import Any, cast
+from unittest.mock import MagicMock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.anatomy import anatomy_named, anatomy_network
+from app.simulation import (
+    TICK_SECONDS,
+    Exercise,
+    Instrument,
+    Safety,
+    Session,
+    Specimen,
+    wall_offset,
+)
+from app.trainer.client.page_state import PageState
+from app.trainer.client.scope_lead import ScopeLead
+from app.trainer.client.workers import Workers
+from app.trainer.scope.held_scope import HeldScope
+from app.trainer.scope.scope_scene import ScopeScene
+
+Floats = NDArray[np.float64]
+NOTCH_MM, TURN = 1.5, 0.15
+"""Of the wheel, and rad of a key: as page/pointer.js and the panel's keys have them."""
+PAUSE = 0.3
+"""s in which one looks before one goes on."""
+TAUT, EASED = 0.66, 0.45
+"""Of a break: where a pull is stopped, and to where it is slackened, for the other hand."""
+
+
+class Trainee:
+    """Somebody who sees the picture, and leads the session by what the page sends."""
+
+    def __init__(self, anatomy: str, exercise: Exercise) -> None:
+        given = anatomy_named(anatomy)
+        self.session = Session(Specimen.of_anatomy(given), vertices=300)
+        self.session.start_exercise(exercise)
+        self.held = HeldScope(anatomy_network(given))
+        state = PageState(MagicMock(), self.session, cast(Workers, None))
+        self.lead = ScopeLead(state, self.held)
+        self._sent = 0
+
+    # What the page sends
+
+    def send(self, words: str) -> None:
+        """Send what the page says of the pointer."""
+        self._sent += 1
+        ScopeScene.take(cast(Any, SimpleNamespace(_led=self.lead)), f"{self._sent} {words}")
+
+    def wait(self, seconds: float = PAUSE) -> None:
+        """Let time pass as the server does."""
+        for _ in range(round(seconds / TICK_SECONDS)):
+            self.lead.advance(1)
+            self.held.advance([hand.place for hand in self.session.spatial.hands])
+            self.session.advance()
+
+    @property
+    def tip(self) -> Floats:
+        """The led tip, as it is drawn, (3,) mm."""
+        spatial, hand = self.session.spatial, self.lead.hand
+        return spatial.hands[hand].place + wall_offset(spatial, hand)
+
+    def _led(self) -> None:
+        """Wait until the led hand is where it goes, or has stopped."""
+        for _ in range(300):
+            hand = self.session.spatial.hands[self.lead.hand]
+            if self.lead.settled and hand.arrived:
+                return
+            self.wait(TICK_SECONDS)
+
+    def _move(self, place: Floats) -> None:
+        self.send("move " + " ".join(f"{each:.3f}" for each in place))
+        self._led()
+
+    def drag(self, place: Floats) -> None:
+        """Take the tip under the pointer where a place is seen, at the depth that it has."""
+        camera = self.held.camera
+        depth = -float((self.tip - camera.tip) @ camera.axes[:, 2])
+        ray = place - camera.tip
+        self._move(camera.tip + ray * (depth / -float(ray @ camera.axes[:, 2])))
+        self.send("stop")
+
+    def wheel(self, notches: int) -> None:
+        """Take the tip into the picture by notches, or out of it; stop where it is stopped."""
+        for _ in range(abs(notches)):
+            camera = self.held.camera
+            ray = self.tip - camera.tip
+            depth = -float(ray @ camera.axes[:, 2])
+            before = self.tip
+            self._move(camera.tip + ray * ((depth + math.copysign(NOTCH_MM, notches)) / depth))
+            if math.dist(before, self.tip) < 0.3 * NOTCH_MM:
+                return
+
+    def to(self, place: Floats) -> None:
+        """Lead the tip to a place: the pointer first, then the wheel."""
+        self.drag(place)
+        camera = self.held.camera
+        self.wheel(round(float((self.tip - place) @ camera.axes[:, 2]) / NOTCH_MM))
+
+    def take(self, hand: int, instrument: Instrument) -> None:
+        """Choose a hand and its instrument in the panel."""
+        self.lead.choose(hand)
+        self.lead.choose_instrument(hand, instrument)
+        self.wait()
+
+    def use(self) -> None:
+        """Press the right button, and wait until jaws stand still."""
+        self.send("act")
+        self.wait(TICK_SECONDS)
+        for _ in range(300):
+            if self.lead.settled:
+                break
+            self.wait(TICK_SECONDS)
+        self.wait()
+
+    # What is done with it
+
+    def at(self, tube: str, station: float) -> Floats:
+        """Return where a tube is seen, mm from its first end."""
+        return self.session.spatial.beam.places_at(np.array([station]), tube)[0]
+
+    def between(self, tube: str, station: float, other: str, there: float) -> Floats:
+        """Return the middle between two tubes."""
+        return 0.5 * (self.at(tube, station) + self.at(other, there))
+
+    def hold(self, station: float) -> None:
+        """Take hold of the gallbladder with the left hand's grasper, so far from its neck."""
+        self.take(0, "grasper")
+        if self.session.spatial.hands[0].node is not None:
+            self.use()
+        place = self.at("gallbladder", station)
+        self.wheel(-4)
+        self.to(place)
+        self.use()
+
+    def pull(self, way: tuple[float, float, float], far: float) -> None:
+        """Draw what is held some way, until a wall is taut; then give way a little."""
+        self.lead.choose(0)
+        step = np.array(way) / math.hypot(*way)
+        for _ in range(round(far / 0.5)):
+            if self.session.spatial.stress_ratio > TAUT:
+                break
+            self._move(self.tip + 0.5 * step)
+        self.wait()
+        for _ in range(20):
+            if self.session.spatial.stress_ratio < EASED:
+                break
+            self._move(self.tip - 0.5 * step)
+        self.send("stop")
+        self.wait()
+
+    def turn_to(self, way: Floats) -> None:
+        """Press L or J until jaws part most nearly along a way."""
+
+        def along() -> float:
+            return abs(float(np.array(self.session.spatial.hands[1].spread) @ way))
+
+        for key in (TURN, -TURN):
+            for _ in range(12):
+                before = along()
+                self.lead.turn(key)
+                if along() <= before:
+                    self.lead.turn(-key)
+                    break
+                self.wait(0.1)
+
+    def spread(self, place: Floats, way: Floats) -> None:
+        """Lead the closed dissector to a place, part its jaws, close them, and withdraw."""
+        self.take(1, "dissector")
+        self.wheel(-6)
+        self.drag(place)
+        self.turn_to(way)
+        self.to(place)
+        self.use()
+        if self.session.spatial.hands[1].target_opening > 0.0:
+            self.use()
+        self.wheel(-6)
+
+    def sweep(self, places: list[Floats]) -> None:
+        """Lead the closed dissector from place to place, and withdraw."""
+        self.take(1, "dissector")
+        self.wheel(-6)
+        for place in places:
+            self.to(place)
+        self.wheel(-6)
+
+    def points(self) -> tuple[int, int, int]:
+        """Return the points of the two tubes, the triangle and the plate."""
+        view = Safety(self.session.spatial).critical_view()
+        return view.two_structures, view.triangle_cleared, view.plate_freed
