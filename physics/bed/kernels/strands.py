@@ -24,7 +24,9 @@ rest in that kink, where no forces balance.
 
 import math
 
-from kernel_cache import njit
+import numpy as np
+
+from kernel_cache import njit, side_by_side
 from physics.bed.kernels.relaxation import LESS, NOW, strand_branches
 from physics.bed.kernels.rods import (
     NO_CONTACT,
@@ -83,6 +85,8 @@ from physics.bed.kernels.vectors import (
     scaled,
 )
 
+NEARLY = 1.0 - 1e-12
+
 
 @inner
 def push_straight(
@@ -137,7 +141,6 @@ def hold_other(
     cross_block: Floats,
     other: int,
     t: Three,
-    v: Three,
     arm: Three,
     away: Three,
     foot: Three,
@@ -149,7 +152,7 @@ def hold_other(
 ) -> None:
     """Add a strand's force and stiffness at its other node, and the block of both nodes."""
     # `away` is the direction of the strand at its foot, t where it is straight.
-    u = cross(foot, away)
+    u, v = cross(foot, away), cross(arm, t)
     near, far = (t[0], t[1], t[2], v[0], v[1], v[2]), (away[0], away[1], away[2], u[0], u[1], u[2])
     c = diagonal[other]
     for r in range(6):
@@ -207,6 +210,129 @@ def add_cross(block: Floats, cross_block: Floats, pair: Ints) -> None:
             b[r, col] += cross_block[col, r] if pair[3] else cross_block[r, col]
 
 
+@inner
+def whole_strands(
+    strand: Floats,
+    damage: Floats,
+    first: int,
+    last: int,
+    every: bool,
+    x0: float,
+    x1: float,
+    x2: float,
+    t1: Three,
+    t2: Three,
+    t3: Three,
+    out: Ints,
+) -> tuple[int, int]:
+    """Return how many strands were written, all whole ones or what may pull; how many are whole."""
+    count = whole = 0
+    for i in range(first, last):
+        if damage[i] >= 1.0:
+            continue
+        whole += 1
+        a0, a1, a2 = strand[ARM_X, i], strand[ARM_Y, i], strand[ARM_Z, i]
+        lx = x0 + (t1[0] * a0 + t2[0] * a1 + t3[0] * a2) - strand[FOOT_X, i]
+        ly = x1 + (t1[1] * a0 + t2[1] * a1 + t3[1] * a2) - strand[FOOT_Y, i]
+        lz = x2 + (t1[2] * a0 + t2[2] * a1 + t3[2] * a2) - strand[FOOT_Z, i]
+        # Of slack ones, which are most, a square tells: what is near the border is looked at.
+        slack = lx * lx + ly * ly + lz * lz < NEARLY * strand[LENGTH, i] * strand[LENGTH, i]
+        if every or not slack or strand[BILATERAL, i] != 0.0:
+            out[count] = i
+            count += 1
+    return count, whole
+
+
+@inner
+def put(
+    rows: Floats, row: int, t: Three, arm: Three, away: Three, f: float, a: float, b: float
+) -> None:
+    """Keep what `add_strands` needs of a strand."""
+    rows[row, 0], rows[row, 1], rows[row, 2] = t
+    rows[row, 3], rows[row, 4], rows[row, 5] = arm
+    rows[row, 6], rows[row, 7], rows[row, 8] = away
+    rows[row, 9], rows[row, 10], rows[row, 11] = f, a, b
+
+
+@side_by_side
+@inner
+def add_strands(rows: Floats, count: int, g: Floats, c: Floats) -> None:
+    """Add the forces and stiffnesses of a node's strands, each from `put`."""
+    # By itself: thirty sums in the middle of what a strand may do leave it no registers.
+    # The second derivative by the end of a strand is a t t^T + b I; with v = r x t and e = l - r
+    # its blocks are a t v^T - b [r] and a v v^T + b (sym(e r^T) - (e.r) I).
+    fx = fy = fz = gx = gy = gz = 0.0
+    h00 = h11 = h22 = h01 = h02 = h12 = 0.0
+    p00 = p01 = p02 = p10 = p11 = p12 = p20 = p21 = p22 = 0.0
+    w00 = w11 = w22 = w01 = w02 = w12 = bs = bx = by = bz = 0.0
+    for k in range(count):
+        row = rows[k]
+        tx, ty, tz, rx, ry, rz = row[0], row[1], row[2], row[3], row[4], row[5]
+        f, a, b = row[9], row[10], row[11]
+        vx, vy, vz = ry * tz - rz * ty, rz * tx - rx * tz, rx * ty - ry * tx
+        fx += f * tx
+        fy += f * ty
+        fz += f * tz
+        gx += f * vx
+        gy += f * vy
+        gz += f * vz
+        ax, ay, az = a * tx, a * ty, a * tz
+        h00 += ax * tx
+        h11 += ay * ty
+        h22 += az * tz
+        h01 += ax * ty
+        h02 += ax * tz
+        h12 += ay * tz
+        p00 += ax * vx
+        p01 += ax * vy
+        p02 += ax * vz
+        p10 += ay * vx
+        p11 += ay * vy
+        p12 += ay * vz
+        p20 += az * vx
+        p21 += az * vy
+        p22 += az * vz
+        bs += b
+        bx += b * rx
+        by += b * ry
+        bz += b * rz
+        ux, uy, uz = b * row[6], b * row[7], b * row[8]
+        ex, ey, ez = ux * rx, uy * ry, uz * rz
+        w00 += a * vx * vx - ey - ez
+        w11 += a * vy * vy - ex - ez
+        w22 += a * vz * vz - ex - ey
+        w01 += a * vx * vy + 0.5 * (ux * ry + uy * rx)
+        w02 += a * vx * vz + 0.5 * (ux * rz + uz * rx)
+        w12 += a * vy * vz + 0.5 * (uy * rz + uz * ry)
+    g[0] += fx
+    g[1] += fy
+    g[2] += fz
+    g[3] += gx
+    g[4] += gy
+    g[5] += gz
+    c[0, 0] += h00 + bs
+    c[1, 0] += h01
+    c[1, 1] += h11 + bs
+    c[2, 0] += h02
+    c[2, 1] += h12
+    c[2, 2] += h22 + bs
+    c[3, 0] += p00
+    c[3, 1] += p10 - bz
+    c[3, 2] += p20 + by
+    c[4, 0] += p01 + bz
+    c[4, 1] += p11
+    c[4, 2] += p21 - bx
+    c[5, 0] += p02 - by
+    c[5, 1] += p12 + bx
+    c[5, 2] += p22
+    c[3, 3] += w00
+    c[4, 3] += w01
+    c[4, 4] += w11
+    c[5, 3] += w02
+    c[5, 4] += w12
+    c[5, 5] += w22
+
+
 @inlined
 def strand_pass(s: State, kind: int, relaxation: float) -> None:
     """Add the strands' energy, gradient and tangent; damage goes by `relaxation` if RELAXED."""
@@ -217,6 +343,12 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
     relaxes = s.memory.shape[1] > 0
     pace = s.sums[PACE]
     per_pace = 1.0 / pace
+    none = (0.0, 0.0, 0.0)
+    longest = 0
+    for group in range(s.first.size - 1):
+        longest = max(longest, s.first[group + 1] - s.first[group])
+    pulling = np.empty((2 * longest, 12))  # of a group's taut strands, and of their bows round rods
+    which = np.empty(longest, np.int64)
     for group in range(s.first.size - 1):
         n, other = group_nodes(s.pair, group, s.x.shape[0])
         near = False
@@ -254,14 +386,14 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             s.cross[:] = 0.0
         x0, x1, x2 = s.x[n, 0], s.x[n, 1], s.x[n, 2]
         correction = s.damage_correction[n]
-        fx = fy = fz = gx = gy = gz = 0.0
-        h00 = h11 = h22 = h01 = h02 = h12 = 0.0
-        p00 = p01 = p02 = p10 = p11 = p12 = p20 = p21 = p22 = 0.0
-        w00 = w11 = w22 = w01 = w02 = w12 = bs = bx = by = bz = 0.0
-        for i in range(s.first[group], s.first[group + 1]):
-            if damage[i] >= 1.0:
-                continue
-            whole += 1
+        taut = 0
+        every = near or relaxes or other >= 0
+        count, held = whole_strands(
+            strand, damage, s.first[group], s.first[group + 1], every, x0, x1, x2, t1, t2, t3, which
+        )
+        whole += held
+        for j in range(count):
+            i = which[j]
             a0, a1, a2 = strand[ARM_X, i], strand[ARM_Y, i], strand[ARM_Z, i]
             rx = t1[0] * a0 + t2[0] * a1 + t3[0] * a2
             ry = t1[1] * a0 + t2[1] * a1 + t3[1] * a2
@@ -276,7 +408,7 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                 ly = x1 + ry - (s.x[other, 1] + arm[1])
                 lz = x2 + rz - (s.x[other, 2] + arm[2])
             rod = -1
-            pull = by_a = by_b = (0.0, 0.0, 0.0)
+            pull = by_a = by_b = none
             path = bow = short = 0.0
             if near:
                 end = (x0 + rx, x1 + ry, x2 + rz)
@@ -295,20 +427,11 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                         s.sums[SLIPPED_NOW] -= jump
                     else:
                         s.sums[BENT_NOW] += jump
+            length = math.sqrt(lx * lx + ly * ly + lz * lz)
             if rod >= 0:
-                length = path
-                il = 1.0 / length
-                tx, ty, tz = by_a
-                il /= dot(by_a, by_a)  # of an end inside the rod it is no unit vector
-                ux, uy, uz = tx * length - rx, ty * length - ry, tz * length - rz
                 if strand[BILATERAL, i] != 0.0:
-                    short = math.sqrt(lx * lx + ly * ly + lz * lz) - strand[LENGTH, i]
-                    short = min(short, 0.0)
-            else:
-                length = math.sqrt(lx * lx + ly * ly + lz * lz)
-                il = 1.0 / length
-                tx, ty, tz = lx * il, ly * il, lz * il
-                ux, uy, uz = lx - rx, ly - ry, lz - rz
+                    short = min(length - strand[LENGTH, i], 0.0)
+                length = path
             u = length - strand[LENGTH, i]
             if relaxes:
                 less = s.memory[LESS, i]
@@ -328,6 +451,14 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
                     push_straight(s.g, s.diagonal, other, straight, out, stiff, short, kind)
             if u <= 0.0 and (rod >= 0 or strand[BILATERAL, i] == 0.0):
                 continue
+            il = 1.0 / length
+            if rod >= 0:
+                tx, ty, tz = by_a
+                il /= dot(by_a, by_a)  # of an end inside the rod it is no unit vector
+                ux, uy, uz = tx * length - rx, ty * length - ry, tz * length - rz
+            else:
+                tx, ty, tz = lx * il, ly * il, lz * il
+                ux, uy, uz = lx - rx, ly - ry, lz - rz
             f = (1.0 - d) * k * u
             slope = (1.0 - d) * k * pace
             stored = 0.5 * f * u * per_pace
@@ -409,105 +540,20 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             if kind == RELAXED and b < 0.0:
                 b = 0.0
             a = slope - b
-            # The second derivative by the end of the strand is a t t^T + b I; with v = r x t and
-            # e = l - r its blocks are a t v^T - b [r] and a v v^T + b (sym(e r^T) - (e.r) I).
-            vx, vy, vz = ry * tz - rz * ty, rz * tx - rx * tz, rx * ty - ry * tx
-            fx += f * tx
-            fy += f * ty
-            fz += f * tz
-            gx += f * vx
-            gy += f * vy
-            gz += f * vz
-            ax, ay, az = a * tx, a * ty, a * tz
-            h00 += ax * tx
-            h11 += ay * ty
-            h22 += az * tz
-            h01 += ax * ty
-            h02 += ax * tz
-            h12 += ay * tz
-            p00 += ax * vx
-            p01 += ax * vy
-            p02 += ax * vz
-            p10 += ay * vx
-            p11 += ay * vy
-            p12 += ay * vz
-            p20 += az * vx
-            p21 += az * vy
-            p22 += az * vz
-            bs += b
-            bx += b * rx
-            by += b * ry
-            bz += b * rz
+            put(pulling, taut, (tx, ty, tz), (rx, ry, rz), (ux, uy, uz), f, a, b)
+            taut += 1
             if other >= 0:
                 hold_other(
-                    s.g, s.diagonal, s.cross, other, (tx, ty, tz), (vx, vy, vz), (rx, ry, rz),
+                    s.g, s.diagonal, s.cross, other, (tx, ty, tz), (rx, ry, rz),
                     scaled(by_b, -1.0) if rod >= 0 else (tx, ty, tz),
                     turned_foot(strand, i, o1, o2, o3), length, f, a, b, rod >= 0,
                 )  # fmt: skip
-            ux, uy, uz = b * ux, b * uy, b * uz
-            ex, ey, ez = ux * rx, uy * ry, uz * rz
-            w00 += a * vx * vx - ey - ez
-            w11 += a * vy * vy - ex - ez
-            w22 += a * vz * vz - ex - ey
-            w01 += a * vx * vy + 0.5 * (ux * ry + uy * rx)
-            w02 += a * vx * vz + 0.5 * (ux * rz + uz * rx)
-            w12 += a * vy * vz + 0.5 * (uy * rz + uz * ry)
             if rod >= 0 and bow > 0.0 and f > 0.0:
                 shaft = (s.rods[rod, SHAFT], s.rods[rod, SHAFT + 1], s.rods[rod, SHAFT + 2])
                 t = cross(shaft, by_a)
-                a = f * bow / dot(t, t)
-                v = cross((rx, ry, rz), t)
-                ax, ay, az = a * t[0], a * t[1], a * t[2]
-                h00 += ax * t[0]
-                h11 += ay * t[1]
-                h22 += az * t[2]
-                h01 += ax * t[1]
-                h02 += ax * t[2]
-                h12 += ay * t[2]
-                p00 += ax * v[0]
-                p01 += ax * v[1]
-                p02 += ax * v[2]
-                p10 += ay * v[0]
-                p11 += ay * v[1]
-                p12 += ay * v[2]
-                p20 += az * v[0]
-                p21 += az * v[1]
-                p22 += az * v[2]
-                w00 += a * v[0] * v[0]
-                w11 += a * v[1] * v[1]
-                w22 += a * v[2] * v[2]
-                w01 += a * v[0] * v[1]
-                w02 += a * v[0] * v[2]
-                w12 += a * v[1] * v[2]
-        c = s.diagonal[n]
-        g = s.g[n]
-        g[0] += fx
-        g[1] += fy
-        g[2] += fz
-        g[3] += gx
-        g[4] += gy
-        g[5] += gz
-        c[0, 0] += h00 + bs
-        c[1, 0] += h01
-        c[1, 1] += h11 + bs
-        c[2, 0] += h02
-        c[2, 1] += h12
-        c[2, 2] += h22 + bs
-        c[3, 0] += p00
-        c[3, 1] += p10 - bz
-        c[3, 2] += p20 + by
-        c[4, 0] += p01 + bz
-        c[4, 1] += p11
-        c[4, 2] += p21 - bx
-        c[5, 0] += p02 - by
-        c[5, 1] += p12 + bx
-        c[5, 2] += p22
-        c[3, 3] += w00
-        c[4, 3] += w01
-        c[4, 4] += w11
-        c[5, 3] += w02
-        c[5, 4] += w12
-        c[5, 5] += w22
+                put(pulling, taut, t, (rx, ry, rz), none, 0.0, f * bow / dot(t, t), 0.0)
+                taut += 1
+        add_strands(pulling, taut, s.g[n], s.diagonal[n])
         if other >= 0:
             add_cross(s.block, s.cross, s.pair[group - s.x.shape[0]])
     s.sums[STRANDS] = energy

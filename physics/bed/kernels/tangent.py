@@ -124,14 +124,11 @@ def solve(
                 v = low[r, r]
                 for c in range(6):
                     y[r, c] *= v
-            after = diagonal[column[m]]
+            take_product(diagonal[column[m]], y, y)  # above the diagonal nobody looks
             b2 = step[column[m]]
             for k in range(6):
                 for r in range(6):
-                    v = y[k, r]
-                    for c in range(r + 1):
-                        after[r, c] -= v * y[k, c]
-                    b2[r] -= v * b[k]
+                    b2[r] -= y[k, r] * b[k]
         for m in range(first[i], first[i + 1]):
             for later in range(m + 1, first[i + 1]):
                 take_product(block[product[at]], block[m], block[later])
