@@ -48,6 +48,17 @@ class Episode:
             self._begin()
         self.bounds = task.bounds(self._tissue)
         self._camera = task.view(*task.picture) if PIXELS in self.bounds else None
+        # All of the state in one row, which is held within its bounds at once.
+        ends = [each for key, each in self.bounds.items() if key != PIXELS]
+        self._low, self._high = (
+            np.concatenate([each[end].ravel() for each in ends]) if ends else np.zeros(0)
+            for end in range(2)
+        )
+        self._row, self._state, first = self._low.copy(), dict[str, NDArray[Any]](), 0
+        for key, (low, _) in self.bounds.items():
+            if key != PIXELS:
+                self._state[key] = self._row[first : first + low.size].reshape(low.shape)
+                first += low.size
 
     @property
     def _tissue(self) -> SpatialTissue:
@@ -112,13 +123,7 @@ class Episode:
 
     def lead(self) -> None:
         """Lead the acting hands for a tick at their rates."""
-        session, tissue = self.session, self._tissue
-        for hand, (x, y, z, opened) in self._rates.items():
-            holder = tissue.hands[hand]
-            a, b, c = holder.target.tolist()
-            session.move_hand(hand, (a + x, b + y, c + z))
-            if opened:
-                session.open_jaws(hand, holder.target_opening + opened)
+        self.session.lead_hands(self._rates)
 
     def advance(self) -> bool:
         """Advance by a tick; return whether the episode is over."""
@@ -250,8 +255,15 @@ class Episode:
         """Write what is observed to arrays of the observation space."""
         if self._camera is not None:
             self._camera.take(self._tissue, out[PIXELS])
-        if "hands" in out:
-            self._write_state(out)
+        if not self._state:
+            return
+        self._write_state(self._state)
+        row = self._row
+        if self.lost:
+            np.nan_to_num(row, copy=False)
+        np.minimum(np.maximum(row, self._low, out=row), self._high, out=row)
+        for key, each in self._state.items():
+            out[key][:] = each
 
     def _write_state(self, out: Observation) -> None:
         tissue, task, goal = self._tissue, self.task, self.task.goal
@@ -271,11 +283,6 @@ class Episode:
         else:
             self._write_anatomy(out)
             out["view"][-2:] = progress, left
-        for key in task.observed:
-            (low, high), row = self.bounds[key], out[key]
-            if self.lost:
-                np.nan_to_num(row, copy=False)
-            np.minimum(np.maximum(row, low, out=row), high, out=row)
 
     def _write_anatomy(self, out: Observation) -> None:
         tissue, view = self._tissue, self._seen

@@ -18,6 +18,7 @@ from app.simulation.run_file import HANDS
 from app.simulation.safety import Safety
 from app.simulation.sight import WORKING_DISTANCE, in_picture
 from app.simulation.spatial_tissue import LEAST_FLOW, SpatialTissue
+from kernel_cache import SameTypes, njit
 from physics.bed.kernels import BEAM, DISSIPATED, ROD_WORK, WORK
 
 __all__ = ["DissectionMeasures", "DissectionRecorder", "DissectionTear"]
@@ -28,6 +29,11 @@ BESIDE_MM = 2.0
 """mm next to a free stretch whose strands are counted."""
 LEAST_FORCE = 1e-3
 """N. A smaller force has no direction worth measuring."""
+# Columns of a hand's sums: N, N s, mJ, whether it was the last to hold the duct, to sweep, and to
+# do either; where it was, mm.
+MOST, PRODUCT, WORK_DONE, HOLDING, SWEEPING, ACTING, PLACE = range(7)
+# Sums of both: N on jaws and swabs; of force, and of force times angle; mJ, all but the first now.
+INSTRUMENT, PULLED, TURNED, DUCT_MOST, WORK_NOW, ROD_WORK_NOW, DISSIPATED_NOW = range(7)
 
 
 class DissectionTear(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -96,17 +102,11 @@ class DissectionRecorder:
         self._started = False
         self.ticks = 0
         self.peak = self.peak_station = 0.0
-        self.instrument_force = 0.0
         self.min_time_to_break = math.inf
         self._fractions = (0.0,) * RATE_TICKS  # newest first
         self._above_half = 0
-        # Hands that last did so; `_acting`: hold the duct or press on it.
-        self._holding = self._sweeping = self._acting = list(range(HANDS))
-        self._work = [0.0] * HANDS
-        self._most = [0.0] * HANDS
-        self._product = [0.0] * HANDS
-        self._pulled = self._turned = 0.0  # sums of force, and of force times angle
-        self._duct_energy = 0.0
+        self._hands, self._sums = np.zeros((HANDS, PLACE + 3)), np.zeros(DISSIPATED_NOW + 1)
+        self._hands[:, HOLDING:PLACE] = 1.0
         self._by_hand = [0] * HANDS
         self.out_of_sight = 0
         self._scope: tuple[float, ...] | None = None  # its view, once there is one
@@ -119,8 +119,8 @@ class DissectionRecorder:
         self._started = True
         self._whole = duct.beam.damage < 1.0
         self._before = self._broken = duct.broken
-        self._note_energies()
-        self._places: list[list[float]] = [hand.place.tolist() for hand in duct.hands]
+        _note_energies(duct.beam.state.sums, self._sums)
+        self._hands[:, PLACE:] = [hand.place for hand in duct.hands]
         self._torn, self._lost = duct.torn, self._lost_now
         self._measure_freed()
         exercise = self.exercise
@@ -129,13 +129,6 @@ class DissectionRecorder:
             if exercise is None
             else ErrorFinder(duct, exercise.limit_of, exercise.about)
         )
-
-    def _note_energies(self) -> list[float]:
-        """Keep the energies now, mJ; return all sums of the beam's state."""
-        sums: list[float] = self.duct.beam.state.sums.tolist()
-        self._beam_work, self._rod_work = sums[WORK], sums[ROD_WORK]
-        self._dissipated = sums[DISSIPATED]
-        return sums
 
     def _measure_freed(self) -> None:
         self.freed = self.duct.freed
@@ -157,15 +150,17 @@ class DissectionRecorder:
         self._torn, self._lost = duct.torn, self._lost_now
         if len(duct.pose) >= SCOPE_NUMBERS:
             self._take_scope(duct.pose)
-        forces = duct.forces
-        self._take_forces(forces)
+        state, (a, b), (force, other) = duct.beam.state, duct.hands, duct.forces
+        _TAKE(
+            self._hands, self._sums, (*force, *other), state.pull, state.press, state.sums,
+            (a.place, b.place), (a.node is not None, b.node is not None),
+            (len(duct.rods_of(0)), len(duct.rods_of(1))), moved,
+        )  # fmt: skip
         out_of_sight = self.out_of_sight
-        if moved:
-            self._take_work(forces)
-            if duct.broken > self._broken:
-                self._broken = duct.broken
-                self._take_broken()
-                self._measure_freed()
+        if moved and duct.broken > self._broken:
+            self._broken = duct.broken
+            self._take_broken()
+            self._measure_freed()
         self._finder.take(self.stretches, self.out_of_sight - out_of_sight)
 
     def _take_scope(self, pose: tuple[float, ...]) -> None:
@@ -177,49 +172,6 @@ class DissectionRecorder:
         if len(pose) > SCOPE_NUMBERS:
             self._levelled += 1
             self._rolled += abs(pose[SCOPE_NUMBERS])
-
-    def _take_forces(self, forces: list[list[float]]) -> None:
-        pulls: list[list[float]] = self.duct.beam.state.pull.tolist()
-        for hand, holder in enumerate(self.duct.hands):
-            size = _size(forces[hand])
-            self._most[hand] = max(self._most[hand], size)
-            self._product[hand] += size * TICK_SECONDS
-            for rod in self.duct.rods_of(hand):
-                self.instrument_force = max(self.instrument_force, _size(pulls[rod]))
-            if holder.node is not None and size > LEAST_FORCE:
-                self._pulled += size
-                self._turned += size * math.acos(min(max(forces[hand][2] / size, -1.0), 1.0))
-
-    def _take_work(self, forces: list[list[float]]) -> None:
-        """Divide the tick's work, as the beam counts it, between the hands."""
-        # Work on the duct goes to the hands that hold it, work on rods to those that sweep; where
-        # both do the same, in proportion to force times way of each.
-        duct, work, rod_work = self.duct, self._beam_work, self._rod_work
-        self._duct_energy = max(self._duct_energy, self._note_energies()[BEAM])
-        swept = self._rod_work - rod_work
-        held = self._beam_work - work - swept
-        before, self._places = self._places, [hand.place.tolist() for hand in duct.hands]
-        # The energies are a step behind: a hand that has just let go still gets its last part.
-        holding = [i for i in range(HANDS) if duct.hands[i].node is not None]
-        sweeping = [i for i in range(HANDS) if duct.rods_of(i)]
-        self._holding, self._sweeping = holding or self._holding, sweeping or self._sweeping
-        presses: list[list[float]] = duct.beam.state.press.tolist()
-        pressing = [i for i in sweeping if any(any(presses[rod]) for rod in duct.rods_of(i))]
-        self._acting = holding + pressing or self._acting
-        for work, hands in ((held, self._holding), (swept, self._sweeping)):
-            if not work:
-                continue
-            if len(hands) == 1:
-                self._work[hands[0]] += work
-                continue
-            fractions = [
-                abs(sum(f * (a - b) for f, a, b in zip(*each, strict=True)))
-                for each in zip(forces, self._places, before, strict=True)
-            ]
-            total = sum(fractions[i] for i in hands)
-            for i in hands:
-                weight = fractions[i] / total if total > 0.0 else 1.0 / len(hands)
-                self._work[i] += weight * work
 
     def _take_broken(self) -> None:
         """Count the strands that parted in this tick: whose they are, whether they were seen."""
@@ -242,7 +194,8 @@ class DissectionRecorder:
                 touched |= beam.touched_by(rod, including_no_contact=not self.broken_by_touch)[new]
             # A strand is its instrument's if one touches it, else that of the nearest hand that
             # acts on the duct.
-            acts = hand in self._acting if self.broken_by_touch else holder.node is not None
+            held = holder.node is not None
+            acts = self._hands[hand, ACTING] > 0.0 if self.broken_by_touch else held
             away = np.where(touched, -1.0, away if acts else np.inf)
             owner[away < nearest] = hand
             nearest = np.minimum(nearest, away)
@@ -332,7 +285,9 @@ class DissectionRecorder:
         """Return the measures so far; a `ValueError` before the start."""
         if not self._started:
             raise ValueError("a run starts with the first input; there has been none")
-        torn, work = self._torn, sum(self._work)
+        torn, hands = self._torn, self._hands.T.tolist()
+        sums: list[float] = self._sums.tolist()
+        work = sum(hands[WORK_DONE])
         return DissectionMeasures(
             time_s=self.ticks * TICK_SECONDS,
             freed_mm=self.freed,
@@ -349,15 +304,15 @@ class DissectionRecorder:
             shortest_time_to_break_s=None
             if self.min_time_to_break == math.inf
             else self.min_time_to_break,
-            work_mJ=(self._work[0], self._work[1]),
-            strand_energy_mJ=self._dissipated,
-            duct_energy_mJ=self._duct_energy,
-            economy_of_work=self._dissipated / work if work > 0.0 else None,
-            maximum_force_N=(self._most[0], self._most[1]),
-            force_time_product_N_s=(self._product[0], self._product[1]),
-            maximum_instrument_force_N=self.instrument_force,
+            work_mJ=(hands[WORK_DONE][0], hands[WORK_DONE][1]),
+            strand_energy_mJ=sums[DISSIPATED_NOW],
+            duct_energy_mJ=sums[DUCT_MOST],
+            economy_of_work=sums[DISSIPATED_NOW] / work if work > 0.0 else None,
+            maximum_force_N=(hands[MOST][0], hands[MOST][1]),
+            force_time_product_N_s=(hands[PRODUCT][0], hands[PRODUCT][1]),
+            maximum_instrument_force_N=sums[INSTRUMENT],
             traction_angle_deg=(
-                math.degrees(self._turned / self._pulled) if self._pulled > 0.0 else None
+                math.degrees(sums[TURNED] / sums[PULLED]) if sums[PULLED] > 0.0 else None
             ),
             tear=None
             if torn is None
@@ -379,3 +334,75 @@ class DissectionRecorder:
 def _size(force: list[float]) -> float:
     x, y, z = force
     return math.sqrt(x * x + y * y + z * z)
+
+
+@njit(cache=True)
+def _note_energies(energies: Floats, sums: Floats) -> None:
+    """Keep the energies of a beam's state, mJ."""
+    sums[WORK_NOW], sums[ROD_WORK_NOW] = energies[WORK], energies[ROD_WORK]
+    sums[DISSIPATED_NOW] = energies[DISSIPATED]
+
+
+@njit(cache=True)
+def _take_hands(
+    hands: Floats, sums: Floats, forces: tuple[float, ...], pull: Floats, press: Floats,
+    energies: Floats, places: tuple[Floats, Floats], held: tuple[bool, bool],
+    rods: tuple[int, int], moved: bool,
+) -> None:  # fmt: skip
+    """Add a tick to the sums of hands with these forces, N, and places, mm; so many rods each."""
+    for i in range(HANDS):
+        x, y, z = forces[3 * i], forces[3 * i + 1], forces[3 * i + 2]
+        size = math.sqrt(x * x + y * y + z * z)
+        hands[i, MOST] = max(hands[i, MOST], size)
+        hands[i, PRODUCT] += size * TICK_SECONDS
+        for rod in range(2 * i, 2 * i + rods[i]):
+            square = pull[rod, 0] ** 2 + pull[rod, 1] ** 2 + pull[rod, 2] ** 2
+            sums[INSTRUMENT] = max(sums[INSTRUMENT], math.sqrt(square))
+        if held[i] and size > LEAST_FORCE:
+            sums[PULLED] += size
+            sums[TURNED] += size * math.acos(min(max(z / size, -1.0), 1.0))
+    if not moved:
+        return
+    # The tick's work, as the beam counts it, is divided between the hands: that on the duct goes to
+    # those that hold it, that on rods to those that sweep; where both do the same, in proportion to
+    # force times way of each. The energies are a step behind: a hand that has just let go still
+    # gets its last part.
+    work, swept = sums[WORK_NOW], sums[ROD_WORK_NOW]
+    _note_energies(energies, sums)
+    sums[DUCT_MOST] = max(sums[DUCT_MOST], energies[BEAM])
+    swept = sums[ROD_WORK_NOW] - swept
+    work = sums[WORK_NOW] - work - swept
+    presses = np.zeros(HANDS, np.bool_)
+    for i in range(HANDS):
+        for rod in range(2 * i, 2 * i + rods[i]):
+            for r in range(3):
+                presses[i] |= press[rod, r] != 0.0
+    for i in range(HANDS):
+        if held[0] or held[1]:
+            hands[i, HOLDING] = held[i]
+        if rods[0] or rods[1]:
+            hands[i, SWEEPING] = rods[i] > 0
+        if held[0] or held[1] or presses.any():
+            hands[i, ACTING] = held[i] or presses[i]
+    fractions = np.zeros(HANDS)
+    for i in range(HANDS):
+        along = 0.0
+        for r in range(3):
+            along += forces[3 * i + r] * (places[i][r] - hands[i, PLACE + r])
+            hands[i, PLACE + r] = places[i][r]
+        fractions[i] = abs(along)
+    for column, done in ((HOLDING, work), (SWEEPING, swept)):
+        if done == 0.0:
+            continue
+        count = total = 0.0
+        for i in range(HANDS):
+            count += hands[i, column]
+            total += hands[i, column] * fractions[i]
+        for i in range(HANDS):
+            if hands[i, column] == 0.0:
+                continue
+            weight = fractions[i] / total if total > 0.0 else 1.0 / count
+            hands[i, WORK_DONE] += (1.0 if count == 1.0 else weight) * done
+
+
+_TAKE = SameTypes(_take_hands)

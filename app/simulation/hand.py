@@ -35,6 +35,8 @@ def follow(
     place: NDArray[np.float64], speed: NDArray[np.float64], target: NDArray[np.float64]
 ) -> None:
     """Move a tip, mm, and its speed, mm/s, (3,) each, towards its target for one tick."""
+    if place[0] == target[0] and place[1] == target[1] and place[2] == target[2]:
+        return
     before, after = (place[0], place[1], place[2]), np.empty(3)
     square = 0.0
     for r in range(3):
@@ -61,7 +63,6 @@ class Hand:
     """A hand with its instrument."""
 
     __slots__ = (
-        "_speed",
         "aim",
         "holds",
         "instrument",
@@ -70,6 +71,7 @@ class Hand:
         "place",
         "pull",
         "slips",
+        "speed",
         "spread",
         "target",
         "target_opening",
@@ -80,7 +82,7 @@ class Hand:
         self.instrument: Instrument = instrument
         self.place = np.array(place, dtype=np.float64)  # (3,) of the tip, mm
         self.target = self.place.copy()  # (3,) where the tip goes, mm
-        self._speed = np.zeros(3)  # mm/s
+        self.speed = np.zeros(3)  # mm/s
         self.opening = self.target_opening = 0.0  # between the axes of a dissector's jaws, mm
         self.aim = self.spread = (0.0, 0.0, 0.0)  # from the tip back along the shaft; of jaws
         self.node: int | None = None  # the beam's node that it holds
@@ -91,20 +93,16 @@ class Hand:
     @property
     def arrived(self) -> bool:
         """Whether the tip is where the hand wants it."""
-        return self._there and self.opening == self.target_opening
-
-    @property
-    def _there(self) -> bool:
         # As lists: numpy takes ten times as long for three numbers.
-        return bool(self.place.tolist() == self.target.tolist())
+        there: bool = self.place.tolist() == self.target.tolist()
+        return there and self.opening == self.target_opening
 
     def put(self, place: NDArray[np.float64]) -> None:
         """Put the tip somewhere at once, at rest."""
         self.place[:] = self.target[:] = place
-        self._speed[:] = 0.0
+        self.speed[:] = 0.0
 
-    def advance(self) -> None:
-        """Move the tip and the jaws towards their targets for one tick."""
-        if not self._there:
-            follow(self.place, self._speed, self.target)
-        self.opening += min(max(self.target_opening - self.opening, -_MOST), _MOST)
+    def part_jaws(self) -> None:
+        """Move the jaws towards where they are to be for one tick."""
+        if (left := self.target_opening - self.opening) != 0.0:
+            self.opening += min(max(left, -_MOST), _MOST)

@@ -136,15 +136,16 @@ class InputLog:
         """Append an input; it may replace one of its hand and kind just before, in its tick."""
         if kind == "theory":
             values = tuple(self._number(each) for each in cast(tuple[Theory, ...], values))
-        key = len(KINDS) * hand + NUMBER_OF[kind]
-        if self._ticks and self._ticks[-1] == tick and self._keys[-1] == key and kind in REPLACED:
-            for each in (self._ticks, self._keys, self._ends):
+        key, ticks, kept = len(KINDS) * hand + NUMBER_OF[kind], self._ticks, self._values
+        if ticks and ticks[-1] == tick and self._keys[-1] == key and kind in REPLACED:
+            for each in (ticks, self._keys, self._ends):
                 each.pop()
-            del self._values[self._ends[-1] if self._ends else 0 :]
-        self._ticks.append(tick)
+            del kept[self._ends[-1] if self._ends else 0 :]
+        ticks.append(tick)
         self._keys.append(key)
-        self._values.extend(cast("tuple[float, ...]", values))
-        self._ends.append(len(self._values))
+        for value in values:
+            kept.append(value)  # pyright: ignore[reportArgumentType] (no theory any more)
+        self._ends.append(len(kept))
 
     def inputs(self) -> list[Input]:
         """Return the inputs so far."""

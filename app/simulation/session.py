@@ -9,7 +9,7 @@ along the pull, away from a bed.
 
 import copy
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from threading import RLock
 from typing import Self
@@ -51,7 +51,7 @@ from app.simulation.run_file import (
     RunLog,
     strands_digest,
 )
-from app.simulation.spatial_tissue import HandContact, SpatialTissue
+from app.simulation.spatial_tissue import JAWED, HandContact, SpatialTissue
 from app.simulation.specimen import Specimen
 from app.simulation.tissue import Tissue
 from organ_geometry import Organ
@@ -190,6 +190,16 @@ class Session:
         x, y, z = place
         self._act(hand, "move", float(x), float(y), float(z))
 
+    def lead_hands(self, ways: Mapping[int, Sequence[float]]) -> None:
+        """Lead hands' tips on by so much, and jaws: (4,) mm along the axes and between them."""
+        with self.lock:
+            for hand, (x, y, z, opened) in ways.items():
+                holder = self.spatial.hands[hand]
+                a, b, c = holder.target.tolist()
+                self._act(hand, "move", a + x, b + y, c + z)
+                if opened and holder.instrument in JAWED:
+                    self._act(hand, "open", holder.target_opening + opened)
+
     def lift(self, deflection: float, hand: int = 0) -> None:
         """Lead the hand that holds a duct in a plane to a deflection of the grasp, mm.
 
@@ -273,7 +283,7 @@ class Session:
             if run.over:
                 if run.closed and kind not in AFTER_RESULT:
                     return None
-            elif run.exercise is not None and run.exercise.looks_only and kind not in LOOKS:
+            elif run.looks_only and kind not in LOOKS:
                 return None
             applied = self.tissue.apply(hand, kind, values, self._begin_run)
             if applied is None:
@@ -377,9 +387,9 @@ class Session:
 
     # What is in hand; each choice but a theory in the plane starts anew.
 
-    def choose(self, specimen: Specimen) -> None:
-        """Start anew with another specimen of the same organ."""
-        tissue = self._tissue_of(specimen)
+    def choose(self, specimen: Specimen, exercise: Exercise | None = None) -> None:
+        """Start anew with another specimen of the same organ, as an exercise begins if one does."""
+        tissue = self._tissue_of(specimen, exercise)
         with self.lock:
             self._set(tissue)
 
@@ -491,16 +501,18 @@ class Session:
         go, until a reset or another exercise.
         """
         with self.lock:
+            before = self.tissue
             self._take_bed_of(exercise)
             if grasp is not None:
                 self.reset()
                 self.set_grasp(grasp)
-            self.tissue.prepare(exercise)
+            if self.tissue is before:
+                self.tissue.prepare(exercise)
             self._new_run(exercise, feedback, inputs)
             self._draw()
 
     def _take_bed_of(self, exercise: Exercise) -> None:
-        """Put the duct into an exercise's bed, if it is in another."""
+        """Put the duct into an exercise's bed, as that begins, if it is in another."""
         specimen, opening = self.specimen, exercise.opening
         if opening is not None and opening.anatomy is not None:
             whole = anatomy_named(opening.anatomy)
@@ -517,7 +529,8 @@ class Session:
                         bed_seed=opening.bed_seed,
                         theory=None,
                         threshold_MPa=threshold,
-                    )
+                    ),
+                    exercise,
                 )
         elif specimen.theory is None:
             raise ValueError(f"{exercise.title} is done on a duct in a plane, without a bed")
@@ -671,9 +684,14 @@ class Session:
 
     # Inside.
 
-    def _tissue_of(self, specimen: Specimen) -> Tissue:
+    def _tissue_of(self, specimen: Specimen, exercise: Exercise | None = None) -> Tissue:
         if specimen.theory is None:
-            return SpatialTissue(specimen, broken_by_touch=self._broken_by_touch, grip_N=self._grip)
+            return SpatialTissue(
+                specimen,
+                broken_by_touch=self._broken_by_touch,
+                grip_N=self._grip,
+                exercise=exercise,
+            )
         return PlanarTissue(specimen)
 
     def _recorder_of(self, exercise: Exercise | None) -> MetricsRecorder:

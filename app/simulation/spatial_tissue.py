@@ -20,7 +20,7 @@ from app.simulation.clock import TICK_SECONDS
 from app.simulation.dissection import Dissection
 from app.simulation.drawn_duct import DrawnDuct
 from app.simulation.exercise import Exercise
-from app.simulation.hand import MEAN_PULL, Hand
+from app.simulation.hand import MEAN_PULL, Hand, follow
 from app.simulation.inputs import (
     ALL_INSTRUMENTS,
     HOLDING,
@@ -47,7 +47,7 @@ from app.simulation.specimen import Specimen
 from app.simulation.structures import entering_tubes, front_strands, named_structures
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.trocar import TROCARS
-from kernel_cache import njit
+from kernel_cache import SameTypes, njit
 from physics import DEEPEST, RuptureCheck
 from physics.bed import BeamOnBed, Network, WorstStress
 
@@ -194,6 +194,7 @@ class SpatialTissue:
         *,
         broken_by_touch: bool = True,
         grip_N: float | None = None,  # noqa: N803 (a unit)
+        exercise: Exercise | None = None,
     ) -> None:
         self.specimen, self.broken_by_touch, self._grip = specimen, broken_by_touch, grip_N
         self.threshold = specimen.threshold
@@ -207,7 +208,7 @@ class SpatialTissue:
         places = np.concatenate([ends, *places])
         low, high = places.min(axis=0) - REACH, places.max(axis=0) + REACH
         self._reach: list[tuple[float, float]] = list(zip(low.tolist(), high.tolist(), strict=True))
-        self.prepare(None)
+        self.prepare(exercise)
 
     @property
     def most_stressed(self) -> str:
@@ -270,12 +271,15 @@ class SpatialTissue:
     def renew(self) -> list[tuple[int, Applied]]:
         """Make all whole with the hands where they are; return where those go on their way."""
         hands = self.hands
-        self._make_whole()
+        if self._whole:
+            self.ticks = 0
+        else:
+            self._make_whole()
         if self.opens_torn is not None:
             name, tubes = self.opens_torn, self.tubes
             middle = 0.5 * tubes.network.tubes[name].span
             self.torn_elements[tubes.names.index(name)] = self.beam.tear(middle, name)
-        for hand, before in enumerate(hands):
+        for hand, before in enumerate(hands if self.hands is not hands else ()):
             self.put_hand(hand, before.place)
             self.hands[hand].target[:] = before.target
         in_progress: list[tuple[int, Applied]] = [
@@ -339,6 +343,7 @@ class SpatialTissue:
                 self.hands[hand].opening = self.hands[hand].target_opening = CLIP_OPENING
         if self._lifted > 0.0:
             self._lift(self._lifted)
+        self._whole = True  # nothing has changed since
 
     def _lift(self, far: float) -> None:
         """Have the first hand's grasper hold the gallbladder up, and away from the common duct."""
@@ -592,6 +597,7 @@ class SpatialTissue:
         if wanted == self._suction[hand]:
             return None
         self._suction[hand] = wanted
+        self._forget_reading()
         return "suck", (wanted,)
 
     def pooled_ml(self, fluid: str | None = None) -> float:
@@ -614,7 +620,9 @@ class SpatialTissue:
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Give a hand another instrument, which touches nothing yet."""
         self.release(hand)
-        self._withdraw(hand)
+        for rod in self.rods_of(hand):
+            self.beam.withdraw_rod(rod)
+        self._still = False
         self._forget_reading()
         holder = self.hands[hand]
         holder.instrument = instrument
@@ -697,19 +705,6 @@ class SpatialTissue:
         apart = _jaw_offset(holder) * np.array(holder.spread)
         return [(rods[0], holder.place - apart), (rods[1], holder.place + apart)]
 
-    def _lead_rods(self, number: int, hand: Hand) -> None:
-        """Lead the rods of a hand's instrument to where its tip is."""
-        rods, to = self.rods_of(number), self.beam.state.rods_to
-        if len(rods) == 2:
-            _lead_jaws(hand.place, _jaw_offset(hand), hand.spread, to[rods[0]], to[rods[1]])
-        elif rods:
-            to[rods[0], :3] = hand.place
-
-    def _withdraw(self, hand: int) -> None:
-        self.beam.withdraw_rod(2 * hand)
-        self.beam.withdraw_rod(2 * hand + 1)
-        self._still = False
-
     # Time
 
     @property
@@ -745,11 +740,15 @@ class SpatialTissue:
             return False
         self._forget_reading()
         beam = self.beam
+        state = beam.state
         for number, hand in enumerate(self.hands):
-            hand.advance()
-            if hand.node is not None:
-                beam.lead(hand.node, hand.place)
-            self._lead_rods(number, hand)
+            rods = self.rods_of(number)
+            hand.part_jaws()
+            _LEAD(
+                hand.place, hand.speed, hand.target, -1 if hand.node is None else hand.node,
+                state.goal_to, 2 * number, 2 * number + len(rods),
+                _jaw_offset(hand) if len(rods) == 2 else 0.0, hand.spread, state.rods_to,
+            )  # fmt: skip
         self._before[:] = beam.places
         before = self.stress_ratio
         beam.tick(TICK_SECONDS, ticks=SUBSTEPS)
@@ -1108,6 +1107,7 @@ class SpatialTissue:
         return self._forces
 
     def _forget_reading(self) -> None:
+        self._whole = False
         self._reading: Reading | None = None
         self._forces: list[list[float]] | None = None
 
@@ -1162,11 +1162,17 @@ def _changes(before: Floats, places: Floats, damage: Floats) -> tuple[float, int
 
 
 @njit(cache=True)
-def _lead_jaws(tip: Floats, apart: float, spread: Vector, first: Floats, second: Floats) -> None:
-    """Write where two jaws go, each so far from the tip between them, mm."""
+def _lead(
+    place: Floats, speed: Floats, target: Floats, node: int, goal: Floats,
+    first: int, last: int, apart: float, spread: Vector, rods: Floats,
+) -> None:  # fmt: skip
+    """Move a tip for a tick, and what it leads: a node that it holds, rods that are so far off."""
+    follow(place, speed, target)
     for r in range(3):
-        first[r] = tip[r] - apart * spread[r]
-        second[r] = tip[r] + apart * spread[r]
+        if node >= 0:
+            goal[node, r] = place[r]
+        for rod in range(first, last):
+            rods[rod, r] = place[r] + (apart if rod > first else -apart) * spread[r]
 
 
 def _jaw_offset(hand: Hand) -> float:
@@ -1192,3 +1198,6 @@ def _within(value: float, bounds: tuple[float, float]) -> float:
 def _vector(values: list[float]) -> Vector:
     x, y, z = values
     return x, y, z
+
+
+_LEAD = SameTypes(_lead)

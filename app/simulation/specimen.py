@@ -110,7 +110,7 @@ class Specimen:
             return self._anatomy_tubes.dissections[0]
         if self.organ is None:
             raise ValueError(f"preset {self.preset.name} is solved without an organ here")
-        return Dissection.of(self.organ, self.preset)
+        return _dissection(self.organ, self.preset)
 
     @cached_property
     def beam(self) -> Beam:
@@ -201,15 +201,27 @@ class Specimen:
 @lru_cache(maxsize=32)
 def _single_tube(specimen: Specimen, elements: int) -> Tubes:
     """Return a single duct's tube: made once for all who practise on it."""
-    rest = specimen.space_beam(elements=elements)
+    network = _free_tube(specimen.preset, specimen.organ, elements)
+    rest = network.tubes[DUCT]
     layer = specimen.layer(rest)
     return Tubes(
-        Network({DUCT: rest}),
+        network,
         Strands.joined([]) if layer is None else layer.strands_under(rest),
         None if layer is None else (layer.floor_under(rest),),
         (specimen.dissection,),
         (specimen.threshold,),
     )
+
+
+@lru_cache(maxsize=8)
+def _free_tube(preset: Preset, organ: Organ | None, elements: int) -> Network:
+    """Return a single duct's beam: made once for all beds that it lies in."""
+    return Network({DUCT: Specimen(preset, organ).space_beam(elements=elements)})
+
+
+@lru_cache(maxsize=8)
+def _dissection(organ: Organ, preset: Preset) -> Dissection:
+    return Dissection.of(organ, preset)
 
 
 def _alike(names: set[str | None], what: str) -> str | None:

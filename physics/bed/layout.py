@@ -121,7 +121,7 @@ class Rest:
         near = {(min(i, j), max(i, j)) for i, j in ends.tolist()}
         touching = Touching.of(network, numbered)
         between |= touching.coupled
-        order = Elimination.of(count, near | between if coupling == "exact" else near)
+        order = Elimination.of(count, frozenset(near | between if coupling == "exact" else near))
         at = np.empty(count, dtype=np.int64)
         at[order.order] = np.arange(count)
         node, other = at[node], np.where(apart, at[other], -1)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,8 +135,9 @@ class Elimination:
     products: Ints
 
     @classmethod
-    def of(cls, rows: int, pairs: set[tuple[int, int]]) -> "Elimination":
-        """Return that of a matrix with blocks at some pairs of rows."""
+    @lru_cache(maxsize=16)
+    def of(cls, rows: int, pairs: frozenset[tuple[int, int]]) -> "Elimination":
+        """Return that of a matrix with blocks at some pairs of rows; beds of a duct share it."""
         near: list[set[int]] = [set() for _ in range(rows)]
         for i, j in pairs:
             near[i].add(j)
