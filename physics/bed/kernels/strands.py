@@ -540,7 +540,7 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             if kind == RELAXED and b < 0.0:
                 b = 0.0
             a = slope - b
-            put(pulling, taut, (tx, ty, tz), (rx, ry, rz), (ux, uy, uz), f, a, b)
+            put(pulling, int(taut), (tx, ty, tz), (rx, ry, rz), (ux, uy, uz), f, a, b)
             taut += 1
             if other >= 0:
                 hold_other(
@@ -551,9 +551,9 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
             if rod >= 0 and bow > 0.0 and f > 0.0:
                 shaft = (s.rods[rod, SHAFT], s.rods[rod, SHAFT + 1], s.rods[rod, SHAFT + 2])
                 t = cross(shaft, by_a)
-                put(pulling, taut, t, (rx, ry, rz), none, 0.0, f * bow / dot(t, t), 0.0)
+                put(pulling, int(taut), t, (rx, ry, rz), none, 0.0, f * bow / dot(t, t), 0.0)
                 taut += 1
-        add_strands(pulling, taut, s.g[n], s.diagonal[n])
+        add_strands(pulling, int(taut), s.g[n], s.diagonal[n])
         if other >= 0:
             add_cross(s.block, s.cross, s.pair[group - s.x.shape[0]])
     s.sums[STRANDS] = energy
