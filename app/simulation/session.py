@@ -190,10 +190,10 @@ class Session:
         x, y, z = place
         self._act(hand, "move", float(x), float(y), float(z))
 
-    def lead_hands(self, ways: Mapping[int, Sequence[float]]) -> None:
-        """Lead hands' tips on by so much, and jaws: (4,) mm along the axes and between them."""
+    def lead_hands(self, steps: Mapping[int, Sequence[float]]) -> None:
+        """Lead hands on by steps, (4,) mm: of the tip along the axes, and of the jaws' opening."""
         with self.lock:
-            for hand, (x, y, z, opened) in ways.items():
+            for hand, (x, y, z, opened) in steps.items():
                 holder = self.spatial.hands[hand]
                 a, b, c = holder.target.tolist()
                 self._act(hand, "move", a + x, b + y, c + z)

@@ -25,7 +25,7 @@ from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.label_volume import LabelVolume
 from organ_geometry.organ_builder import BuiltOrgan, Promise, build_fitted
 from organ_geometry.reslice.resliced_stack import ReslicedSlices
-from organ_geometry.tubes.tube_axis import TubeAxis, fitted_axis
+from organ_geometry.tubes.tube_axis import TubeAxis, fitted_axis, no_side
 from organ_geometry.tubes.tube_branches import SplitLabels, outside_wall, split_labels
 from organ_geometry.tubes.tube_joins import (
     TubeJoin,
@@ -406,10 +406,7 @@ def _open_sides(volume: LabelVolume, axis: TubeAxis) -> list[str]:
     if fraction < _OPEN_FRACTION:
         return []
     if fraction > 0.5:
-        raise ImageStackError(
-            f"label {axis.voxels.label} ({axis.name}) is no tube: the volume ends where most of "
-            f"its side would be"
-        )
+        raise ImageStackError(no_side(axis.voxels.label, axis.name))
     return [
         f"{axis.name}: {fraction:.0%} of its side lie outside the volume, which cuts through it: "
         f"what is beyond is made up"

@@ -27,7 +27,7 @@ from organ_geometry.reslice.curve_frames import (
 )
 from organ_geometry.tubes.tube_wall import TubeWall, fitted_wall
 
-__all__ = ["LabelVoxels", "TubeAxis", "label_voxels", "tube_axis"]
+__all__ = ["LabelVoxels", "TubeAxis", "label_voxels", "no_side", "tube_axis"]
 
 Floats = NDArray[np.float64]
 
@@ -159,6 +159,8 @@ def label_voxels(
             f"label {label} ({name}) has {int(inside.sum())} voxels: a tube needs "
             f"{_FEWEST_VOXELS} or more"
         )
+    if _cut_fraction(inside, volume.sizes) > 0.5:
+        raise ImageStackError(no_side(label, name))
     corner = np.array([one.start for one in box][::-1], dtype=np.intp)
     reach = _NEAR_VOXELS * voxel ** (1.0 / 3.0)
     depth = _away(inside, volume.sizes)
@@ -176,6 +178,21 @@ def label_voxels(
         trust=np.where((tubes[box] & ~inside)[near], _FOREIGN_TRUST, 1.0),
         doubts=tuple(doubts),
     )
+
+
+def no_side(label: int, name: str) -> str:
+    """Return why a label is refused that the volume cuts on most sides."""
+    return f"label {label} ({name}) is no tube: the volume ends where most of its side would be"
+
+
+def _cut_fraction(inside: NDArray[np.bool_], sizes: Floats) -> float:
+    """Return how much of a label's surface is where the volume ends, which alone has no margin."""
+    cut = whole = 0.0
+    for axis, size in enumerate(sizes[::-1].tolist()):
+        ends = np.count_nonzero(inside.take([0, -1], axis=axis)) / size
+        cut += ends
+        whole += ends + np.count_nonzero(np.diff(inside, axis=axis)) / size
+    return cut / whole
 
 
 def _away(mask: NDArray[np.bool_], sizes: Floats) -> Floats:

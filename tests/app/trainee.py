@@ -65,11 +65,17 @@ class Trainee:
         spatial, hand = self.session.spatial, self.lead.hand
         return spatial.hands[hand].place + wall_offset(spatial, hand)
 
+    @property
+    def _settled(self) -> bool:
+        """Whether the led hand is led nowhere, and its jaws neither part nor close."""
+        lead = self.lead
+        return lead._goals[lead.hand] is None and lead._jaws[lead.hand] is None
+
     def _led(self) -> None:
         """Wait until the led hand is where it goes, or has stopped."""
         for _ in range(300):
             hand = self.session.spatial.hands[self.lead.hand]
-            if self.lead.settled and hand.arrived:
+            if self._settled and hand.arrived:
                 return
             self.wait(TICK_SECONDS)
 
@@ -113,7 +119,7 @@ class Trainee:
         self.send("act")
         self.wait(TICK_SECONDS)
         for _ in range(300):
-            if self.lead.settled:
+            if self._settled:
                 break
             self.wait(TICK_SECONDS)
         self.wait()

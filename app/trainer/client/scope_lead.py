@@ -226,11 +226,6 @@ class ScopeLead:
         at = offered.index(now) if now in offered else -1
         self.choose_instrument(self.hand, offered[(at + 1) % len(offered)])
 
-    @property
-    def settled(self) -> bool:
-        """Whether the active hand is led nowhere, and its jaws neither part nor close."""
-        return self._goals[self.hand] is None and self._jaws[self.hand] is None
-
     def lead_hand(self, place: Floats) -> None:
         """Lead the active hand's tip, as it is drawn, to a place, (3,) mm."""
         if self._may_act():
