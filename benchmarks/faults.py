@@ -148,33 +148,27 @@ def plough(fly: float = 0.0) -> Make:
     return make
 
 
-def stir(height: float = 0.0) -> Make:
-    """Sweep the closed jaws to and fro."""
+def stir(times: int, *moves: tuple[float, float, float], beside: float = 0.0) -> Make:
+    """Sweep the closed jaws by some moves, mm, again and again, from beside the middle on."""
 
     def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
-        yield from behind(hands, middle(exercise))
-        for _ in range(12):
-            yield from lift(hands, np.array([6.0, 0.0, height]), speed, 1)
-            yield from lift(hands, np.array([-12.0, 0.0, -height]), speed, 1)
-            yield from lift(hands, np.array([6.0, 0.0, 0.0]), speed, 1)
+        yield from behind(hands, middle(exercise) + beside)
+        for _ in range(times):
+            for move in moves:
+                yield from lift(hands, np.array(move), speed, 1)
 
     return make
 
 
-def stir_deep(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
-    """Sweep the closed jaws in and out while they go along."""
-    yield from behind(hands, middle(exercise) - 7.0)
-    for _ in range(7):
-        yield from lift(hands, np.array([2.0, -14.0, 0.0]), speed, 1)
-        yield from lift(hands, np.array([0.0, 14.0, 0.0]), speed, 1)
+def to_and_fro(height: float) -> Make:
+    """Sweep the closed jaws along the duct and back, so far up and down."""
+    return stir(12, (6.0, 0.0, height), (-12.0, 0.0, -height), (6.0, 0.0, 0.0))
 
 
-def stir_in_place(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
-    """Sweep the closed jaws in and out and to both sides about one place."""
-    yield from behind(hands, middle(exercise))
-    for _ in range(10):
-        for along, across in ((3.0, -8.0), (-3.0, 8.0), (-3.0, -8.0), (3.0, 8.0)):
-            yield from lift(hands, np.array([along, across, 0.0]), speed, 1)
+STIR_DEEP = stir(7, (2.0, -14.0, 0.0), (0.0, 14.0, 0.0), beside=-7.0)
+"""In and out while they go along."""
+STIR_IN_PLACE = stir(10, (3.0, -8.0, 0.0), (-3.0, 8.0, 0.0), (-3.0, -8.0, 0.0), (3.0, 8.0, 0.0))
+"""In and out and to both sides about one place."""
 
 
 def jump(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
@@ -551,9 +545,9 @@ FAULTS = (
     fault("window", "plough", plough(), (5.0, 10.0, 20.0), *PLOUGHED),
     fault("window", "plough with open jaws", plough(6.0), (4.0, 8.0, 15.0), *PLOUGHED),
     fault("window", "open and drag", open_and_drag, (6.0, 10.0, 20.0), *PLOUGHED),
-    fault("window", "stir", stir(), (8.0, 15.0, 30.0), "stirring", *PLOUGHED),
-    fault("window", "stir up and down", stir(1.0), (8.0, 15.0, 30.0), "stirring", *PLOUGHED),
-    fault("window", "stir deep", stir_deep, (10.0, 20.0, 30.0), "stirring", *PLOUGHED),
+    fault("window", "stir", to_and_fro(0.0), (8.0, 15.0, 30.0), "stirring", *PLOUGHED),
+    fault("window", "stir up and down", to_and_fro(1.0), (8.0, 15.0, 30.0), "stirring", *PLOUGHED),
+    fault("window", "stir deep", STIR_DEEP, (10.0, 20.0, 30.0), "stirring", *PLOUGHED),
     fault("window", "jump", jump, (30.0, 60.0, 1200.0), "jumping_jaws"),
     fault("window", "jump in steps", jump_in_steps, (30.0, 60.0, 240.0), "jumping_jaws"),
     fault("window", "stab", stab, (45.0, 60.0, 95.0), "blind_stab"),
@@ -626,7 +620,7 @@ FAULTS = (
         "named_unsafe",
         at=COVERED,
     ),
-    fault("window", "stir in place", stir_in_place, (5.0, 6.0, 7.0), "stirring"),
+    fault("window", "stir in place", STIR_IN_PLACE, (5.0, 6.0, 7.0), "stirring"),
     fault(
         "follow_front",
         "pull far back",

@@ -143,8 +143,7 @@ class InputLog:
             del kept[self._ends[-1] if self._ends else 0 :]
         ticks.append(tick)
         self._keys.append(key)
-        for value in values:
-            kept.append(value)  # pyright: ignore[reportArgumentType] (no theory any more)
+        kept.extend(cast("tuple[float, ...]", values))
         self._ends.append(len(kept))
 
     def inputs(self) -> list[Input]:

@@ -37,7 +37,6 @@ class Run:
         attempt: Attempt | None = None,
     ) -> None:
         self.exercise, self.feedback = exercise, feedback
-        self.looks_only = exercise is not None and exercise.looks_only
         self.exercise_inputs: ExerciseInputs = exercise_inputs
         self._recorder, self._attempt = recorder, attempt
         self._start: Callable[[], RunStart] | None = None

@@ -283,7 +283,7 @@ class Session:
             if run.over:
                 if run.closed and kind not in AFTER_RESULT:
                     return None
-            elif run.looks_only and kind not in LOOKS:
+            elif run.exercise is not None and run.exercise.looks_only and kind not in LOOKS:
                 return None
             applied = self.tissue.apply(hand, kind, values, self._begin_run)
             if applied is None:

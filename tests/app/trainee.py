@@ -144,10 +144,10 @@ class Trainee:
         self.to(place)
         self.use()
 
-    def pull(self, way: tuple[float, float, float], far: float) -> None:
-        """Draw what is held some way, until a wall is taut; then give way a little."""
+    def pull(self, direction: tuple[float, float, float], far: float) -> None:
+        """Draw what is held in a direction, until a wall is taut; then give direction a little."""
         self.lead.choose(0)
-        step = np.array(way) / math.hypot(*way)
+        step = np.array(direction) / math.hypot(*direction)
         for _ in range(round(far / 0.5)):
             if self.session.spatial.stress_ratio > TAUT:
                 break
@@ -160,11 +160,11 @@ class Trainee:
         self.send("stop")
         self.wait()
 
-    def turn_to(self, way: Floats) -> None:
-        """Press L or J until jaws part most nearly along a way."""
+    def turn_to(self, direction: Floats) -> None:
+        """Press L or J until jaws part most nearly along a direction."""
 
         def along() -> float:
-            return abs(float(np.array(self.session.spatial.hands[1].spread) @ way))
+            return abs(float(np.array(self.session.spatial.hands[1].spread) @ direction))
 
         for key in (TURN, -TURN):
             for _ in range(12):
@@ -175,12 +175,12 @@ class Trainee:
                     break
                 self.wait(0.1)
 
-    def spread(self, place: Floats, way: Floats) -> None:
+    def spread(self, place: Floats, direction: Floats) -> None:
         """Lead the closed dissector to a place, part its jaws, close them, and withdraw."""
         self.take(1, "dissector")
         self.wheel(-6)
         self.drag(place)
-        self.turn_to(way)
+        self.turn_to(direction)
         self.to(place)
         self.use()
         if self.session.spatial.hands[1].target_opening > 0.0:
