@@ -78,7 +78,7 @@ MOST_STRANDS = 10**6
 
 
 IN_BED = ("window", "follow_front", "free_scar")
-AT_ANATOMY = ("critical_view", "first_view", "who_is_who", "stop_bleeding")
+AT_ANATOMY = ("first_view", "critical_view", "who_is_who", "stop_bleeding")
 EXPOSED = (0.35, 0.75, 1.0)
 """Parts of what holds the structures that have parted in a picture, by its anatomy's seed."""
 TRACTION_MM = 9.0

@@ -61,7 +61,7 @@ EXERCISES: dict[str, ExerciseKind] = {
     "critical_view": ExerciseKind(
         "Critical view",
         "show the two structures that alone enter the gallbladder, clear the triangle and free "
-        "the lower third of the cystic plate",
+        "the lower third of the cystic plate, between gallbladder and liver",
         (
             "wrong_structure", "mistaken", "clip_wrong_tube", "divided_before_view", "clip_short",
             "bleeding",

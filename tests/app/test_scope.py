@@ -44,6 +44,7 @@ from app.simulation import (
 from app.simulation.trocar import DEEPEST, LENGTH
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import (
+    BENT_STEADY,
     CLOSES_MM_S,
     HOLDS_MM_S,
     SPREAD,
@@ -512,7 +513,7 @@ def test_led_by_its_handle_the_tip_goes_the_other_way(lead: ScopeLead) -> None:
 
 
 def test_instruments_lie_along_their_shafts_and_turn_about_them(lead: ScopeLead) -> None:
-    """Each is turned by keys; a right angle's bent tip is turned instead of its shaft."""
+    """Keys turn each; a right angle's tip is bent off its shaft wherever it is led."""
     session = lead.session
     lead.choose(1)
     for name in ("dissector", "clip applier", "scissors", "right angle"):
@@ -521,16 +522,21 @@ def test_instruments_lie_along_their_shafts_and_turn_about_them(lead: ScopeLead)
         pass_time(lead, session, 1.5)
         hand = session.spatial.hands[1]
         shaft = TROCARS[1].shaft(hand.place)
-        bent = name == "right angle"
-        if not bent:
-            assert float(shaft @ np.array(hand.aim)) >= STEADY - 1e-9
-        before = np.array(hand.aim if bent else hand.spread)
+        along = float(shaft @ np.array(hand.aim))
+        if name == "right angle":
+            assert abs(along) <= BENT_STEADY + 1e-9
+        else:
+            assert along >= STEADY - 1e-9
+        before = np.array(hand.spread)
         lead.turn(0.3)
-        after = np.array(hand.aim if bent else hand.spread)
+        after = np.array(hand.spread)
         across = [each - float(each @ shaft) * shaft for each in (before, after)]
         cosine = float(across[0] @ across[1]) / np.prod([np.linalg.norm(each) for each in across])
         assert math.acos(cosine) == pytest.approx(0.3, abs=0.01)
-        assert float(after @ np.array(hand.spread if bent else hand.aim)) == pytest.approx(0.0)
+        assert float(after @ np.array(hand.aim)) == pytest.approx(0.0)
+    # Its tip is turned by the same, and its jaws part across the plane in which it is bent.
+    assert float(np.array(hand.aim) @ shaft) == pytest.approx(0.0, abs=1e-9)
+    assert abs(float(np.cross(shaft, hand.aim) @ after)) == pytest.approx(1.0)
 
 
 def test_clips_scissors_and_suction(lead: ScopeLead) -> None:

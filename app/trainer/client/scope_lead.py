@@ -56,8 +56,11 @@ COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
 """Instruments whose jaws come open."""
 SUCTION = 15.0
 """ml/s."""
-STEADY = math.cos(math.radians(3.0))
+STEADY_DEG = 3.0
+STEADY = math.cos(math.radians(STEADY_DEG))
 """Cosine of the angle within which an instrument's shaft is left as it lies in the tissue."""
+BENT_STEADY = math.sin(math.radians(STEADY_DEG))
+"""Cosine, either way, of the angle of a right angle's tip with its shaft that is left."""
 NOTHING_NEAR = (
     "Neither a tube nor the gallbladder is between the jaws. Lead the tip deeper with the wheel, "
     "some notches at a time, and try again."
@@ -333,10 +336,11 @@ class ScopeLead:
         if not self._may_act() or holder.instrument in HOLDING:
             return
         shaft = TROCARS[self.hand].shaft(holder.place)
-        bent = holder.instrument == "right angle"
-        turned = _about(np.array(holder.aim if bent else holder.spread), shaft, angle)
-        turn = self.session.aim if bent else self.session.spread
-        turn(self.hand, turned.tolist())
+        if holder.instrument == "right angle":
+            self._bend(self.hand, shaft, _about(np.array(holder.aim), shaft, angle))
+        else:
+            turned = _about(np.array(holder.spread), shaft, angle)
+            self.session.spread(self.hand, turned.tolist())
 
     def use_instrument(self) -> None:
         """Do what the active hand's instrument does, or mark what the cross points at."""
@@ -424,13 +428,23 @@ class ScopeLead:
         return HOLDS_MM_S if slow else LEAD_MM_S[holder.instrument]
 
     def _aim(self, hand: int) -> None:
-        """Lay an instrument along its shaft; a right angle's tip stays as it is turned."""
+        """Lay an instrument along its shaft; a right angle's tip goes with it."""
         holder = self._state.hands[hand]
-        if holder.instrument in HOLDING or holder.instrument == "right angle":
+        if holder.instrument in HOLDING:
             return
-        shaft = TROCARS[hand].shaft(holder.target)
-        if float((shaft * np.array(holder.aim)).sum()) < STEADY:
+        shaft, aim = TROCARS[hand].shaft(holder.target), np.array(holder.aim)
+        along = float((shaft * aim).sum())
+        if holder.instrument == "right angle":
+            if abs(along) > BENT_STEADY:
+                self._bend(hand, shaft, aim)
+        elif along < STEADY:
             self.session.aim(hand, shaft.tolist())
+
+    def _bend(self, hand: int, shaft: Floats, aim: Floats) -> None:
+        """Bend a tip off its shaft by 90 degrees, nearest to an aim; its jaws part across."""
+        across = aim - float((aim * shaft).sum()) * shaft
+        self.session.aim(hand, across.tolist())
+        self.session.spread(hand, np.cross(shaft, across).tolist())
 
     def move_scope(
         self, pan: float = 0.0, tilt: float = 0.0, depth: float = 0.0, cable: float = 0.0

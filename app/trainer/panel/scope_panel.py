@@ -59,6 +59,11 @@ LED_BY: dict[LedBy, tuple[str, str]] = {
     "tip": ("Tip", "The tip goes where the pointer goes (F)"),
     "handle": ("Handle", "Your hand is at the handle: the tip goes the other way (F)"),
 }
+Turn = Literal["left", "right", ""]
+TURNS: Mapping[Turn, tuple[str, str]] = {
+    "left": ("Left", "Turn jaws, a bent tip or the scope's cable left (J)"),
+    "right": ("Right", "Turn jaws, a bent tip or the scope's cable right (L)"),
+}
 ScopeChoice = Literal["straight", "oblique"]
 SCOPES: dict[ScopeChoice, tuple[str, str]] = {
     "straight": ("0°", "A scope that looks straight ahead (Z)"),
@@ -81,7 +86,7 @@ HOW: Mapping[Instrument, str] = {
     "hook": "Bring it to a tube, take hold with the right button or G, and pull gently.",
     "grasper": "Take hold with the right button or G, and drag. It stays where it is left.",
     "dissector": f"{SPREAD} Close them, and again deeper. J and L turn them about the shaft.",
-    "right angle": f"{SPREAD} Its bent tip passes behind a tube: J and L turn it.",
+    "right angle": f"{SPREAD} Its tip, bent by 90°, passes behind a tube: J and L turn it.",
     "swab": "Wipe along a tube: strands part before its soft tip.",
     "clip applier": "Bring the open jaws past a freed tube on either side, then the right button "
     "or G. J and L turn them.",
@@ -198,6 +203,8 @@ class ScopePanel:
         self._how = gui.add_html("")
         self._use = gui.add_button("Use", hint="Also the right button in the picture, or G")
         on_click(self._use, lead.use_instrument)
+        # Neither stays chosen.
+        Choice(gui, "Turn", TURNS, self._turn).show("")
         photograph = gui.add_button("Photograph (H)", icon=viser.Icon.CAMERA, color="gray",
                                     hint="For the record: the front, then the back")  # fmt: skip
         on_click(photograph, lead.photograph)
@@ -327,6 +334,9 @@ class ScopePanel:
     def _choose_led(self, leads: Leads) -> None:
         self._lead.choose(None if leads == "scope" else ("left", "right").index(leads))
 
+    def _turn(self, way: Turn) -> None:
+        self._lead.turn(-TURN if way == "left" else TURN)
+
     def _add_hand(self, hand: int, name: str) -> viser.GuiDropdownHandle[Instrument]:
         state = self._state
         chosen = self._gui.add_dropdown(
@@ -396,8 +406,8 @@ class ScopePanel:
             "N": lead.choose_next_instrument,
             "Z": lead.change_scope,
             "B": lead.wipe_lens,
-            "J": lambda: lead.turn(-TURN),
-            "L": lambda: lead.turn(TURN),
+            "J": lambda: self._turn("left"),
+            "L": lambda: self._turn("right"),
             "P": lambda: state.set_paused(not state.paused),
             "R": lead.reset,
             "V": state.bring_home,
