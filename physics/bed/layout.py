@@ -49,7 +49,7 @@ IN_PLANE = 2 + 8 + 32
 # Part of an element's shear flexibility that stands for bending within it, from which on it is
 # stretched along its chord.
 THIN = 0.5
-WHOLE_NUMBERS = ("held", "first_block", "blocks", "product", "ends", "first", "pair", "touch")
+WHOLE_NUMBERS = ("held", "first_block", "blocks", "product", "ends", "first", "pair", "touch", "which")
 SMALL_NUMBERS = ("side", "side_before")
 """Names of a state's arrays of whole numbers, and of those that fit a byte."""
 
@@ -210,6 +210,12 @@ class Rest:
         names = ", ".join(each.name for each in self.tubes)
         raise ValueError(f"there is no tube {name!r}: {names}")
 
+    @property
+    def most_at_a_node(self) -> int:
+        """The largest number of strands at a node, or between two."""
+        ties = self.nodes * (self.stations.size + 1) + self.others
+        return int(np.unique(ties, return_counts=True)[1].max(initial=0))
+
     def is_joint(self, node: int) -> bool:
         """Return whether tubes join at a node."""
         return sum(int((each.nodes == node).any()) for each in self.tubes) > 1
@@ -328,6 +334,7 @@ def shapes(rest: Rest, rods: int = 0, relaxation: Relaxing = AT_ONCE) -> Shapes:
         "damage_ahead": (count,), "branch": (2, branches, 5),
         "memory": (kernels.SPRING + branches, strands * count),
         "wall_memory": (kernels.OVER + branches, walls * 6 * elements), "sums": (kernels.SUM_ROWS,),
+        "pulling": (2 * rest.most_at_a_node, 12), "which": (rest.most_at_a_node,),
     }  # fmt: skip
     types: dict[str, Any] = dict.fromkeys(WHOLE_NUMBERS, np.int64)
     types |= dict.fromkeys(SMALL_NUMBERS, np.int8)

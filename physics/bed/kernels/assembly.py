@@ -2,7 +2,6 @@
 
 import math
 
-from kernel_cache import njit
 from physics.bed.kernels.beam import beam_pass
 from physics.bed.kernels.core import core_pass
 from physics.bed.kernels.rods import any_rod
@@ -26,7 +25,7 @@ from physics.bed.kernels.state import (
 )
 from physics.bed.kernels.strands import strand_pass
 from physics.bed.kernels.touch import touch_pass
-from physics.bed.kernels.vectors import inlined, inner
+from physics.bed.kernels.vectors import inlined, inner, outer
 
 
 @inner
@@ -119,7 +118,7 @@ def shape_pass(s: State, kind: int, relaxation: float) -> None:
         s.sums[CLEAR] = clear
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def assemble(s: State, kind: int, relaxation: float) -> float:
     """Write all energies, the gradient and the tangent; return the energy to minimise."""
     if kind == RELAXED and relaxation > 0.0 and s.sums[AHEAD] == relaxation:
@@ -131,7 +130,7 @@ def assemble(s: State, kind: int, relaxation: float) -> float:
     return s.sums[BEAM] + s.sums[STRANDS] + s.sums[CONTACT] + s.sums[LOADS]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def assemble_ahead(s: State, relaxation: float) -> None:
     """Assemble the next real-time tick with this `relaxation` as far as its hands do not matter."""
     # Damage stands until that tick, and any other assembly before it begins anew. Rods change what

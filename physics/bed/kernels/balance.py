@@ -47,7 +47,7 @@ from physics.bed.kernels.state import (
     copy_values,
 )
 from physics.bed.kernels.step import move
-from physics.bed.kernels.vectors import inner
+from physics.bed.kernels.vectors import INNER, inner, outer
 
 # Part of the energies that move in a tick by which its balance may be off.
 CLOSED = 1e-5
@@ -141,7 +141,7 @@ def account_motion(s: State, size: float, first: float, middle: float, least: bo
     return True
 
 
-@inner
+@njit(**INNER | {"_nrt": True})  # it makes arrays
 def retrace(s: State) -> None:
     """Account for the motion in as many parts as it takes, by Simpson's rule."""
     turned = s.sums[MOVED]
@@ -190,7 +190,7 @@ def retrace(s: State) -> None:
     copy_rows(s.rods, rods)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def account(s: State, kind: int, relaxation: float) -> None:
     """Assemble, and account for all since the assembly before."""
     sums = s.sums

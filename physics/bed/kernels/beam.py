@@ -39,7 +39,6 @@ own less off N.
 
 import math
 
-from kernel_cache import njit
 from physics.bed.kernels.relaxation import ENERGY, FORCE, STRAIN, WALL_LESS
 from physics.bed.kernels.state import OFF
 from physics.bed.kernels.vectors import (
@@ -54,6 +53,7 @@ from physics.bed.kernels.vectors import (
     cross_times,
     dot,
     inner,
+    outer,
     scaled,
     times_cross,
 )
@@ -143,7 +143,7 @@ def element_frame(first: Four, second: Four) -> tuple[Three, Three, Three, Three
     return t1, t2, t3, c
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def set_rest(x: Floats, q: Floats, ends: Ints, turn: Floats, h: Floats, strain: Floats) -> None:
     """Write the strains of this shape into `strain`: it is then the beam's shape at rest."""
     for e in range(h.size):

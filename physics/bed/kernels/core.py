@@ -21,7 +21,6 @@ them, so that nothing is jumped over.
 
 import math
 
-from kernel_cache import njit
 from physics.bed.kernels.state import (
     CONTACT_STIFFNESS,
     IN_USE,
@@ -31,7 +30,7 @@ from physics.bed.kernels.state import (
     TIP,
     State,
 )
-from physics.bed.kernels.vectors import Floats, Ints, Three, added, dot, inner, scaled
+from physics.bed.kernels.vectors import Floats, Ints, Three, added, dot, inner, outer, scaled
 
 CORE, STIFFER = 0.5, 10.0
 HELD_BACK = 50.0
@@ -177,7 +176,7 @@ def rod_displacement(rods: Floats, rods_to: Floats, press: Floats, m: int) -> Th
     return x - component * p[0], y - component * p[1], z - component * p[2]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def nearest_core(s: State, rod: Floats) -> float:
     """Return how near a rod's axis would be to a tube's, over the radius of the core, at most 1."""
     least = 1.0
@@ -191,7 +190,7 @@ def nearest_core(s: State, rod: Floats) -> float:
     return least
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def rods_clear_of(s: State, fraction: float) -> float:
     """Return the part of the rods' way to their targets, at most `fraction`, that is clear."""
     # 0 where a rod is as near to an element as it can come and would have to go nearer.

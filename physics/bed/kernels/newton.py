@@ -8,7 +8,6 @@ it is not positive definite (`equilibrium`; `yielded` then updates the damage).
 
 import math
 
-from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.core import clear_of_rods
 from physics.bed.kernels.rods import any_rod
@@ -22,7 +21,7 @@ from physics.bed.kernels.step import (
 )
 from physics.bed.kernels.tangent import copy_blocks, hold_nodes, shift_tangent, solve
 from physics.bed.kernels.touch import clear_of_tubes
-from physics.bed.kernels.vectors import inner
+from physics.bed.kernels.vectors import inner, outer
 from physics.bed.kernels.wall import STRENGTH
 
 # How many times as far as the hands a node may go in one Newton step without being looked at.
@@ -78,7 +77,7 @@ def residual(s: State, length: float) -> float:
     return most
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def equilibrium(s: State, kind: int, tolerance: float, floor: float, most: int) -> int:
     """Find a minimum of the energy near this shape, the held nodes at goals; iterations, or -1."""
     # `tolerance` is the largest force out of balance as a part of the largest one, `floor` in N.

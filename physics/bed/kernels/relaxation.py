@@ -39,7 +39,7 @@ from physics.bed.kernels.state import (
     WALL_PACE,
     State,
 )
-from physics.bed.kernels.vectors import Floats, inner
+from physics.bed.kernels.vectors import OUTER, Floats, inner, outer
 
 # Columns of `branch`: fraction, time, s; E and b of the time that goes by, and that time, s.
 FRACTION, TIME, KEPT, RATE, STEP = range(5)
@@ -146,7 +146,7 @@ def remember_walls(wall: Floats, branch: Floats, h: Floats, stiff: Floats) -> tu
     return stored, dissipated
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(forceinline=True, **OUTER)
 def remember(s: State) -> None:
     """Write what relaxing strands and walls store, and what viscosity has dissipated in the step.
 
@@ -221,14 +221,14 @@ def begin_step(
         sums[SETTLED], sums[PENDING] = sums[VISCOUS], 0.0
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+@njit(forceinline=True, **OUTER)
 def settle(s: State, seconds: float) -> None:
     """End a step of time where all is, after its assembly, and begin one of so many seconds."""
     # Of 0 s: the strands and walls that there are at once.
     begin_step(s.memory, s.wall_memory, s.branch, s.sums, seconds, True)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def begin(s: State, seconds: float) -> None:
     """Begin a step of so many seconds where the last one ended; or begin it anew."""
     begin_step(s.memory, s.wall_memory, s.branch, s.sums, seconds, False)

@@ -12,7 +12,6 @@ a round bar about the axis, is kept off by a penalty contact.
 
 import math
 
-from kernel_cache import njit
 from physics.bed.kernels.relaxation import LESS
 from physics.bed.kernels.state import (
     ARM_X,
@@ -41,6 +40,7 @@ from physics.bed.kernels.vectors import (
     cross,
     dot,
     inner,
+    outer,
     scaled,
 )
 
@@ -80,7 +80,7 @@ def angle(across: float, along: float) -> float:
     return turn if across >= 0.0 else -turn
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def path_round(
     a: Three, b: Three, rod: Floats, side: int, live: bool
 ) -> tuple[int, float, Three, Three, float]:
@@ -147,7 +147,7 @@ def path_round(
     return side, length, added(by_a, scaled(shift, -1.0)), added(by_b, shift), bow
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def group_nodes(pair: Ints, group: int, nodes: int) -> tuple[int, int]:
     """Return the node that a group of strands holds, and the one that its feet are on, or -1."""
     if group < nodes:
@@ -169,7 +169,7 @@ def strand_foot(x: Floats, q: Floats, strand: Floats, other: int, i: int) -> Thr
     )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def strand_ends(
     x: Floats, q: Floats, strand: Floats, n: int, other: int, i: int
 ) -> tuple[Three, Three]:
@@ -184,7 +184,7 @@ def strand_ends(
     return end, strand_foot(x, q, strand, other, i)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def set_arms(x: Floats, q: Floats, nodes: Ints, ends: Floats, strand: Floats, row: int) -> None:
     """Write into three rows, from `row` on, the arms at which nodes are held at (S, 3) places, mm.
 
@@ -202,7 +202,7 @@ def set_arms(x: Floats, q: Floats, nodes: Ints, ends: Floats, strand: Floats, ro
         strand[row + 2, i] = dot(t3, out)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def turn_arms(q: Floats, nodes: Ints, strand: Floats, which: Ints, out: Floats) -> None:
     """Write the arms of some strands as their nodes turn them now, (S, 3) mm."""
     for k in range(which.size):

@@ -150,6 +150,9 @@ class State(NamedTuple):
     memory: Floats  # (SPRING + R, S)
     wall_memory: Floats  # (OVER + R, 6 E)
     sums: Floats
+    # Room for the strands at one node: what each gives that is taut, and its bow round a rod; which
+    pulling: Floats
+    which: Ints
 
 
 # Numba compiles loops far sooner than an assignment of arrays.

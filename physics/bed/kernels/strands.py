@@ -24,9 +24,7 @@ rest in that kink, where no forces balance.
 
 import math
 
-import numpy as np
-
-from kernel_cache import njit, side_by_side
+from kernel_cache import side_by_side
 from physics.bed.kernels.relaxation import LESS, NOW, strand_branches
 from physics.bed.kernels.rods import (
     NO_CONTACT,
@@ -82,6 +80,7 @@ from physics.bed.kernels.vectors import (
     dot,
     inlined,
     inner,
+    outer,
     scaled,
 )
 
@@ -344,11 +343,7 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
     pace = s.sums[PACE]
     per_pace = 1.0 / pace
     none = (0.0, 0.0, 0.0)
-    longest = 0
-    for group in range(s.first.size - 1):
-        longest = max(longest, s.first[group + 1] - s.first[group])
-    pulling = np.empty((2 * longest, 12))  # of a group's taut strands, and of their bows round rods
-    which = np.empty(longest, np.int64)
+    pulling, which = s.pulling, s.which
     for group in range(s.first.size - 1):
         n, other = group_nodes(s.pair, group, s.x.shape[0])
         near = False
@@ -562,7 +557,7 @@ def strand_pass(s: State, kind: int, relaxation: float) -> None:
     s.sums[MOST] = most
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def update_rod_contacts(s: State, meet: bool) -> int:
     """Let strands slip off rods, and be met by them if `meet`; return how many have jumped."""
     jumps = 0
@@ -588,7 +583,7 @@ def update_rod_contacts(s: State, meet: bool) -> int:
     return jumps
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def yielded(s: State) -> float:
     """Update damage by the law at the present elongations; return the energy dissipated, mJ."""
     lost = 0.0

@@ -7,7 +7,6 @@ so that one factorisation is nearly always enough: a fixed cost.
 
 import math
 
-from kernel_cache import njit
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
 from physics.bed.kernels.core import clear_of_rods, rod_displacement, rods_clear_of
@@ -28,7 +27,7 @@ from physics.bed.kernels.state import (
 from physics.bed.kernels.step import TURN_LIMIT, keep_shape, largest, move
 from physics.bed.kernels.tangent import add_drag, hold_nodes, solve
 from physics.bed.kernels.touch import clear_of_tubes
-from physics.bed.kernels.vectors import dot, inlined
+from physics.bed.kernels.vectors import dot, inlined, outer
 
 # Into how many parts a tick may be divided in which rods move far; those that are not where they
 # should be then go on in the next tick.
@@ -108,7 +107,7 @@ def advance(
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def tick(s: State, ticks: int, relaxation: float, drag: float, seconds: float) -> bool:
     """Advance to `..._to` in so many real-time ticks; False if no tangent is definite."""
     # A tick of so many `seconds`, dt, lets damage go the fraction `relaxation` = dt / (tau + dt)

@@ -26,10 +26,9 @@ nodes' own blocks: each then moves as if the other stood still, and no step make
 
 import math
 
-from kernel_cache import njit
 from physics.bed.kernels.core import CORE, NEARER
 from physics.bed.kernels.state import INCREMENTAL, RELAXED
-from physics.bed.kernels.vectors import Floats, Ints, Three, added, dot, inner, scaled
+from physics.bed.kernels.vectors import Floats, Ints, Three, added, dot, inner, outer, scaled
 
 # Columns of `reach`: radius of the node, mm; the gap from which on it is pressed, at most 0, mm;
 # stiffness, N/mm; what it can be pressed in at most, mm; how far nodes must have gone before there
@@ -139,7 +138,7 @@ def tube_gap(
     return found, least, at, bend, distance, offset
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@outer
 def rest_gaps(
     x: Floats, ends: Ints, girth: Floats, stiff: Floats, touch: Ints, reach: Floats
 ) -> None:

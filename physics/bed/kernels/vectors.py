@@ -10,12 +10,21 @@ from kernel_cache import njit
 
 F = TypeVar("F", bound=Callable[..., object])
 
+# Numba counts who refers to each array, here at each call to sixty arrays of a state: a seventh of
+# a step. Kernels that make no array need not.
+OUTER = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
 INNER = {
     "cache": True,
     "error_model": "numpy",
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
+    "_nrt": False,
 }
+
+
+def outer(function: F) -> F:
+    """Return a function compiled for Python and for other kernels; it makes no array."""
+    return njit(**OUTER)(function)  # pyright: ignore
 
 
 def inner(function: F) -> F:
