@@ -23,7 +23,7 @@ import numba
 from numba import njit
 from numba.core import caching, config, event
 
-__all__ = ["SameTypes", "njit", "side_by_side", "sources"]
+__all__ = ["SameTypes", "kernel", "njit", "side_by_side", "sources"]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -116,6 +116,14 @@ else:
         "IPythonCacheLocator,ZipCacheLocator"
     )
     config.CACHE_LOCATOR_CLASSES = f"{_own},{_given or _others}"  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def kernel(**options: Any) -> Callable[[F], F]:
+    """Return what compiles a kernel that makes no array."""
+    # Numba counts the references to each array, at each call: of a state's sixty arrays they were a
+    # quarter of a bed's step. A kernel that makes none need not; what it calls and makes some says
+    # `_nrt=True`, as else it is compiled likewise.
+    return cast(Any, njit)(**({"cache": True, "_nrt": False} | options))
 
 
 _type_of = cast(Callable[[object], Any], numba.typeof)  # pyright: ignore[reportUnknownMemberType]

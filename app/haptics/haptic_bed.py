@@ -39,20 +39,6 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
-def _worst_stress(section: NDArray[np.float64], wall: NDArray[np.float64]) -> float:
-    """Return `BeamOnBed.worst_stress`'s total by the linear law, MPa, in a third of its time."""
-    worst = 0.0
-    for e in range(section.shape[0]):
-        for end in range(2):
-            normal, up, across = 9 + end, 4 + 3 * end, 5 + 3 * end
-            a = section[e, up] / wall[e + end, 1]
-            b = section[e, across] / wall[e + end, 2]
-            total = section[e, normal] / wall[e + end, 0] + math.sqrt(a * a + b * b)
-            worst = max(worst, total)
-    return worst
-
-
-@njit(cache=True, nogil=True)
 def _render(
     nodes: NDArray[np.int64],
     x: Array,
@@ -123,7 +109,7 @@ class HapticBed:
         self._at_first, self._touch_at_first = beam, touch
         if beam.beam.wall is None:
             raise ValueError("a beam without a wall tears nowhere and cannot be felt")
-        self._wall, self._strengths = beam.beam.wall, dict(strengths or {})
+        self._strengths = dict(strengths or {})
         names = list(beam.network.tubes)
         self._names = names
         self._tubes = [0 if tube is None else names.index(tube)] * hooks  # that hooks take
@@ -254,22 +240,19 @@ class HapticBed:
 
     def _stress(self) -> float:
         """Return the largest stress in the wall, MPa; of several, as a part of the threshold."""
-        if self._strengths:
-            stresses = self.beam.stresses()
-            return self.threshold * max(
-                self.beam.worst_stress(tube, stresses).total / strength
-                for tube, strength in self._strengths.items()
-            )
-        if self.beam.beam.fibres is not None or self.beam.nicks_of():
-            return self.beam.worst_stress().total
-        return _worst_stress(self.beam.state.section, self._wall)
+        worsts = self.beam.worst_stresses()
+        if not self._strengths:
+            return worsts[0].total
+        strengths = self._strengths.values()
+        return self.threshold * max(
+            worst.total / strength for worst, strength in zip(worsts, strengths, strict=True)
+        )
 
     def _torn_through(self) -> bool:
         """Let walls that are past their strengths tear; return whether one is torn through."""
-        beam, stresses = self.beam, self.beam.stresses()
+        beam = self.beam
         strengths = self._strengths or dict.fromkeys(beam.network.tubes, self.threshold)
-        for tube, strength in strengths.items():
-            worst = beam.worst_stress(tube, stresses)
+        for worst, (tube, strength) in zip(beam.worst_stresses(), strengths.items(), strict=True):
             if worst.total > strength and beam.nick(worst, self._tear_mm[tube], tube) >= DEEPEST:
                 return True
         return False

@@ -1,7 +1,5 @@
 """Attempts: how one go at an exercise is judged, tick by tick, by its measures and errors."""
 
-import msgspec
-
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.errors import ERROR_CLASSES
 from app.simulation.exercise import Exercise, Outcome
@@ -18,8 +16,9 @@ class Attempt:
         self._exercise, self._recorder = exercise, recorder
         self._followed = exercise.goal.follow()
         self._ticks = 0
-        # Each limit: whether it is of a number of errors.
+        # Each limit: whether it is of a number of errors; and those that are not.
         self._limits = [(limit, limit.of in ERROR_CLASSES) for limit in exercise.limits]
+        self._measured = [each for each in self._limits if not each[1]]
         self.outcome: Outcome | None = None
 
     @property
@@ -39,21 +38,21 @@ class Attempt:
         self._ticks += 1
         limit = self._exercise.time_limit_s
         reached = self._followed.take(self._recorder)
-        measures = self._recorder.measures()
-        failure = self._failure(measures, reached=reached)
+        failure = self._failure(reached=reached)
         if failure is not None:
             self.outcome = Outcome(False, failure)
         elif reached:
-            self.outcome = Outcome(True, self._exercise.goal.reached(metrics_of(measures)))
+            metrics = metrics_of(self._recorder.measures())
+            self.outcome = Outcome(True, self._exercise.goal.reached(metrics))
         elif self._ticks * TICK_SECONDS >= limit:
             self.outcome = Outcome(
                 False, f"The {limit:g} s were over with {self._followed.so_far}."
             )
 
-    def _failure(self, measures: msgspec.Struct, *, reached: bool) -> str | None:
+    def _failure(self, *, reached: bool) -> str | None:
         """Return why this tick fails it, or None."""
         errors = self._recorder.errors
-        for limit, of_errors in self._limits:
+        for limit, of_errors in self._limits if errors.number else self._measured:
             number = errors.number.get(limit.of, 0) if of_errors else None
             if number == 0 or (limit.at_end and not reached):
                 continue
@@ -62,7 +61,7 @@ class Attempt:
                     last = errors.last_of(limit.of)
                     return self._reason(last.happened if limit.of == "tear" else "", last.sentence)
                 continue
-            value: float | tuple[float, ...] | None = getattr(measures, limit.of, None)
+            value = self._recorder.measure(limit.of)
             largest = max(value) if isinstance(value, tuple) else value
             if largest is not None and limit.passed_by(largest):
                 words = METRIC_OF[limit.of].passed_words(largest, limit.value)

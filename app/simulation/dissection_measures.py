@@ -1,7 +1,9 @@
 """Measures of a dissection, taken while it runs (docs/measures.md)."""
 
 import math
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any, ClassVar, Self
 
 import msgspec
 import numpy as np
@@ -18,7 +20,7 @@ from app.simulation.run_file import HANDS
 from app.simulation.safety import Safety
 from app.simulation.sight import WORKING_DISTANCE, in_picture
 from app.simulation.spatial_tissue import LEAST_FLOW, SpatialTissue
-from kernel_cache import SameTypes, njit
+from kernel_cache import SameTypes, kernel
 from physics.bed.kernels import BEAM, DISSIPATED, ROD_WORK, WORK
 
 __all__ = ["DissectionMeasures", "DissectionRecorder", "DissectionTear"]
@@ -30,10 +32,12 @@ BESIDE_MM = 2.0
 LEAST_FORCE = 1e-3
 """N. A smaller force has no direction worth measuring."""
 # Columns of a hand's sums: N, N s, mJ, whether it was the last to hold the duct, to sweep, and to
-# do either; where it was, mm.
-MOST, PRODUCT, WORK_DONE, HOLDING, SWEEPING, ACTING, PLACE = range(7)
-# Sums of both: N on jaws and swabs; of force, and of force times angle; mJ, all but the first now.
+# do either; force along its way in this tick, mJ; where it was, mm.
+MOST, PRODUCT, WORK_DONE, HOLDING, SWEEPING, ACTING, ALONG, PLACE = range(8)
+# Sums of both: N on jaws and swabs; of force, and of force times angle; mJ, all but the first now;
+# largest share of the break, and where, mm; ticks above half of it; s to the break; last shares.
 INSTRUMENT, PULLED, TURNED, DUCT_MOST, WORK_NOW, ROD_WORK_NOW, DISSIPATED_NOW = range(7)
+PEAK, PEAK_AT, ABOVE_HALF, TIME_TO_BREAK, RATIOS = range(7, 12)
 
 
 class DissectionTear(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -101,12 +105,8 @@ class DissectionRecorder:
         self.duct, self.broken_by_touch = duct, duct.broken_by_touch
         self._started = False
         self.ticks = 0
-        self.peak = self.peak_station = 0.0
-        self.min_time_to_break = math.inf
-        self._fractions = (0.0,) * RATE_TICKS  # newest first
-        self._above_half = 0
-        self._hands, self._sums = np.zeros((HANDS, PLACE + 3)), np.zeros(DISSIPATED_NOW + 1)
-        self._hands[:, HOLDING:PLACE] = 1.0
+        self._hands, self._sums = np.zeros((HANDS, PLACE + 3)), np.zeros(RATIOS + RATE_TICKS)
+        self._hands[:, HOLDING:ALONG], self._sums[TIME_TO_BREAK] = 1.0, math.inf
         self._by_hand = [0] * HANDS
         self.out_of_sight = 0
         self._scope: tuple[float, ...] | None = None  # its view, once there is one
@@ -139,14 +139,6 @@ class DissectionRecorder:
         """Take one tick, in which something moved or all stood still."""
         self.ticks += 1
         duct = self.duct
-        ratio = duct.stress_ratio
-        if ratio > self.peak:
-            self.peak, self.peak_station = ratio, duct.station
-        self._above_half += ratio > 0.5
-        growth = (ratio - self._fractions[-1]) / RATE_SECONDS
-        if growth > 0.0:
-            self.min_time_to_break = min(self.min_time_to_break, max(1.0 - ratio, 0.0) / growth)
-        self._fractions = (ratio, *self._fractions[:-1])
         self._torn, self._lost = duct.torn, self._lost_now
         if len(duct.pose) >= SCOPE_NUMBERS:
             self._take_scope(duct.pose)
@@ -154,7 +146,7 @@ class DissectionRecorder:
         _TAKE(
             self._hands, self._sums, (*force, *other), state.pull, state.press, state.sums,
             (a.place, b.place), (a.node is not None, b.node is not None),
-            (len(duct.rods_of(0)), len(duct.rods_of(1))), moved,
+            (len(duct.rods_of(0)), len(duct.rods_of(1))), duct.stress_ratio, duct.station, moved,
         )  # fmt: skip
         out_of_sight = self.out_of_sight
         if moved and duct.broken > self._broken:
@@ -281,54 +273,77 @@ class DissectionRecorder:
     def _safety(self) -> Safety:
         return Safety(self.duct)
 
+    def measure(self, key: str) -> float | tuple[float, ...] | None:
+        """Return one of the measures so far; None of a key that there is not."""
+        found = self._measures.get(key)
+        return None if found is None else found(self)
+
     def measures(self) -> DissectionMeasures:
         """Return the measures so far; a `ValueError` before the start."""
         if not self._started:
             raise ValueError("a run starts with the first input; there has been none")
-        torn, hands = self._torn, self._hands.T.tolist()
-        sums: list[float] = self._sums.tolist()
-        work = sum(hands[WORK_DONE])
-        return DissectionMeasures(
+        return DissectionMeasures(**{key: found(self) for key, found in self._measures.items()})
+
+    def _tear(self) -> DissectionTear | None:
+        torn = self._torn
+        if torn is None:
+            return None
+        return DissectionTear(
+            station_mm=torn.station,
             time_s=self.ticks * TICK_SECONDS,
-            freed_mm=self.freed,
-            longest_freed_stretch_mm=max((b - a for a, b in self.stretches), default=0.0),
-            strands=self._whole.size - self._before,
-            strands_broken=self._broken - self._before,
-            strands_broken_by_hand=(self._by_hand[0], self._by_hand[1]),
-            strands_broken_by_instrument=self._broken_by_rods,
-            strands_broken_out_of_sight=self.out_of_sight,
-            peak_stress_ratio=self.peak,
-            peak_stress_station_mm=self.peak_station,
-            smallest_distance_to_break=1.0 - self.peak,
-            time_above_half_s=self._above_half * TICK_SECONDS,
-            shortest_time_to_break_s=None
-            if self.min_time_to_break == math.inf
-            else self.min_time_to_break,
-            work_mJ=(hands[WORK_DONE][0], hands[WORK_DONE][1]),
-            strand_energy_mJ=sums[DISSIPATED_NOW],
-            duct_energy_mJ=sums[DUCT_MOST],
-            economy_of_work=sums[DISSIPATED_NOW] / work if work > 0.0 else None,
-            maximum_force_N=(hands[MOST][0], hands[MOST][1]),
-            force_time_product_N_s=(hands[PRODUCT][0], hands[PRODUCT][1]),
-            maximum_instrument_force_N=sums[INSTRUMENT],
-            traction_angle_deg=(
-                math.degrees(sums[TURNED] / sums[PULLED]) if sums[PULLED] > 0.0 else None
-            ),
-            tear=None
-            if torn is None
-            else DissectionTear(
-                station_mm=torn.station,
-                time_s=self.ticks * TICK_SECONDS,
-                normal_stress_MPa=torn.normal_stress,
-                bending_stress_MPa=torn.bending_stress,
-                threshold_MPa=torn.threshold,
-            ),
-            blood_lost_ml=self._lost,
-            critical_view_points=self._finder.most_points,
-            time_out_of_picture_s=None if self._scope is None else self._unseen * TICK_SECONDS,
-            scope_path_mm=None if self._scope is None else self._scope_path,
-            horizon_deg=math.degrees(self._rolled / self._levelled) if self._levelled else None,
+            normal_stress_MPa=torn.normal_stress,
+            bending_stress_MPa=torn.bending_stress,
+            threshold_MPa=torn.threshold,
         )
+
+    def _of_hands(self, column: int) -> tuple[float, ...]:
+        return tuple(self._hands[:, column].tolist())
+
+    def _ratio(self, of: int, over: float) -> float | None:
+        return float(self._sums[of]) / over if over > 0.0 else None
+
+    # Each by itself: an exercise asks for few of them in each tick.
+    _measures: ClassVar[dict[str, Callable[[Self], Any]]] = {
+        "time_s": lambda self: self.ticks * TICK_SECONDS,
+        "freed_mm": lambda self: self.freed,
+        "longest_freed_stretch_mm": lambda self: max(
+            (b - a for a, b in self.stretches), default=0.0
+        ),
+        "strands": lambda self: self._whole.size - self._before,
+        "strands_broken": lambda self: self._broken - self._before,
+        "strands_broken_by_hand": lambda self: tuple(self._by_hand),
+        "strands_broken_by_instrument": lambda self: self._broken_by_rods,
+        "strands_broken_out_of_sight": lambda self: self.out_of_sight,
+        "peak_stress_ratio": lambda self: float(self._sums[PEAK]),
+        "peak_stress_station_mm": lambda self: float(self._sums[PEAK_AT]),
+        "smallest_distance_to_break": lambda self: 1.0 - float(self._sums[PEAK]),
+        "time_above_half_s": lambda self: float(self._sums[ABOVE_HALF]) * TICK_SECONDS,
+        "shortest_time_to_break_s": lambda self: (
+            None if self._sums[TIME_TO_BREAK] == math.inf else float(self._sums[TIME_TO_BREAK])
+        ),
+        "work_mJ": lambda self: self._of_hands(WORK_DONE),
+        "strand_energy_mJ": lambda self: float(self._sums[DISSIPATED_NOW]),
+        "duct_energy_mJ": lambda self: float(self._sums[DUCT_MOST]),
+        "economy_of_work": lambda self: self._ratio(DISSIPATED_NOW, sum(self._of_hands(WORK_DONE))),
+        "maximum_force_N": lambda self: self._of_hands(MOST),
+        "force_time_product_N_s": lambda self: self._of_hands(PRODUCT),
+        "maximum_instrument_force_N": lambda self: float(self._sums[INSTRUMENT]),
+        "traction_angle_deg": lambda self: (
+            math.degrees(self._sums[TURNED] / self._sums[PULLED])
+            if self._sums[PULLED] > 0.0
+            else None
+        ),
+        "tear": lambda self: self._tear(),
+        "blood_lost_ml": lambda self: self._lost,
+        "critical_view_points": lambda self: self._finder.most_points,
+        "time_out_of_picture_s": lambda self: (
+            None if self._scope is None else self._unseen * TICK_SECONDS
+        ),
+        "scope_path_mm": lambda self: None if self._scope is None else self._scope_path,
+        "horizon_deg": lambda self: (
+            math.degrees(self._rolled / self._levelled) if self._levelled else None
+        ),
+    }
 
 
 def _size(force: list[float]) -> float:
@@ -336,20 +351,42 @@ def _size(force: list[float]) -> float:
     return math.sqrt(x * x + y * y + z * z)
 
 
-@njit(cache=True)
+@kernel()
 def _note_energies(energies: Floats, sums: Floats) -> None:
     """Keep the energies of a beam's state, mJ."""
     sums[WORK_NOW], sums[ROD_WORK_NOW] = energies[WORK], energies[ROD_WORK]
     sums[DISSIPATED_NOW] = energies[DISSIPATED]
 
 
-@njit(cache=True)
+@kernel()
+def _any(press: Floats, first: int, count: int) -> bool:
+    """Return whether some rods press."""
+    found = False
+    for rod in range(first, first + count):
+        for r in range(3):
+            found |= press[rod, r] != 0.0
+    return found
+
+
+@kernel()
 def _take_hands(
     hands: Floats, sums: Floats, forces: tuple[float, ...], pull: Floats, press: Floats,
     energies: Floats, places: tuple[Floats, Floats], held: tuple[bool, bool],
-    rods: tuple[int, int], moved: bool,
+    rods: tuple[int, int], ratio: float, station: float, moved: bool,
 ) -> None:  # fmt: skip
-    """Add a tick to the sums of hands with these forces, N, and places, mm; so many rods each."""
+    """Add a tick to the sums of hands with these forces, N, and places, mm; so many rods each.
+
+    `ratio` is the share of the break, at a `station`, mm.
+    """
+    if ratio > sums[PEAK]:
+        sums[PEAK], sums[PEAK_AT] = ratio, station
+    sums[ABOVE_HALF] += ratio > 0.5
+    growth = (ratio - sums[RATIOS + RATE_TICKS - 1]) / RATE_SECONDS
+    if growth > 0.0:
+        sums[TIME_TO_BREAK] = min(sums[TIME_TO_BREAK], max(1.0 - ratio, 0.0) / growth)
+    for k in range(RATE_TICKS - 1, 0, -1):
+        sums[RATIOS + k] = sums[RATIOS + k - 1]
+    sums[RATIOS] = ratio
     for i in range(HANDS):
         x, y, z = forces[3 * i], forces[3 * i + 1], forces[3 * i + 2]
         size = math.sqrt(x * x + y * y + z * z)
@@ -372,36 +409,31 @@ def _take_hands(
     sums[DUCT_MOST] = max(sums[DUCT_MOST], energies[BEAM])
     swept = sums[ROD_WORK_NOW] - swept
     work = sums[WORK_NOW] - work - swept
-    presses = np.zeros(HANDS, np.bool_)
-    for i in range(HANDS):
-        for rod in range(2 * i, 2 * i + rods[i]):
-            for r in range(3):
-                presses[i] |= press[rod, r] != 0.0
+    presses = _any(press, 0, rods[0]), _any(press, 2, rods[1])
     for i in range(HANDS):
         if held[0] or held[1]:
             hands[i, HOLDING] = held[i]
         if rods[0] or rods[1]:
             hands[i, SWEEPING] = rods[i] > 0
-        if held[0] or held[1] or presses.any():
+        if held[0] or held[1] or presses[0] or presses[1]:
             hands[i, ACTING] = held[i] or presses[i]
-    fractions = np.zeros(HANDS)
     for i in range(HANDS):
         along = 0.0
         for r in range(3):
             along += forces[3 * i + r] * (places[i][r] - hands[i, PLACE + r])
             hands[i, PLACE + r] = places[i][r]
-        fractions[i] = abs(along)
+        hands[i, ALONG] = abs(along)
     for column, done in ((HOLDING, work), (SWEEPING, swept)):
         if done == 0.0:
             continue
         count = total = 0.0
         for i in range(HANDS):
             count += hands[i, column]
-            total += hands[i, column] * fractions[i]
+            total += hands[i, column] * hands[i, ALONG]
         for i in range(HANDS):
             if hands[i, column] == 0.0:
                 continue
-            weight = fractions[i] / total if total > 0.0 else 1.0 / count
+            weight = hands[i, ALONG] / total if total > 0.0 else 1.0 / count
             hands[i, WORK_DONE] += (1.0 if count == 1.0 else weight) * done
 
 

@@ -5,7 +5,6 @@ taken over several ticks, from end to end: over one a hand's tremor is most of t
 """
 
 import math
-from collections import deque
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -23,13 +22,12 @@ from app.simulation.run_file import HANDS
 from app.simulation.safety import Safety
 from app.simulation.sight import in_picture
 from app.simulation.spatial_tissue import LEAST_FLOW, Event, SpatialTissue
-from kernel_cache import SameTypes, njit
+from kernel_cache import SameTypes, kernel
 from physics.bed.kernels import SHAFT, TIP
 
 __all__ = ["ErrorFinder"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Bytes = NDArray[np.int8]
 Span = tuple[float, float]
 
@@ -45,52 +43,36 @@ SAME = 1e-6
 """mm. Ends of stretches differ from a clamp or a divided end by rounding only."""
 
 
+# Columns of what a tick shows of a hand: strands that parted, that are being parted and that touch;
+# its force, N, and its work over `PULL_TICKS`, mJ; speeds of the tip over `TIP_TICKS` and over
+# `PULL_TICKS`, and how fast it opens, mm/s; mean press, N; how often it turned back; and of a hold
+# the largest force, N, the highest place, mm, and the mean pull, N.
+PARTED, GOING, TOUCHING, SIZE, WORK, TIP_SPEED, PULL_SPEED, OPENS, PRESS, TURNS = range(10)
+MOST, HIGHEST, PULL, SEEN = 10, 11, 12, 15
+OPENING = 3
+"""Column of a hand's way after its place."""
+
+
 class _Watch:
     """What is known of a hand's last seconds."""
 
     __slots__ = (
-        "events", "events_start", "extremes", "front_away", "heading", "held_at",
-        "highest", "holds", "instrument", "judged", "leaning", "most", "places", "ploughed",
-        "ploughed_mm", "presses", "pull", "recent_holds", "slips", "turns", "unseen",
+        "events", "events_start", "front_away", "held_at", "holds", "instrument", "judged",
+        "leaning", "ploughed", "ploughed_mm", "recent_holds", "slips", "turns", "unseen",
     )  # fmt: skip
 
     def __init__(self, hand: Hand) -> None:
         self.instrument, self.holds, self.slips = hand.instrument, hand.holds, hand.slips
-        self.places: deque[tuple[float, float, float, float]] = deque(maxlen=SHIFT_TICKS + 1)
-        self.stand(hand)
-        self.pull = [0.0, 0.0, 0.0]
         self.leaning = self.unseen = 0  # ticks
         self.recent_holds: list[tuple[int, float]] = []
-        self.held_at = self.highest = self.most = 0.0
+        self.held_at = 0.0
         self.front_away: float | None = None
         self.judged = True
         self.ploughed, self.ploughed_mm = 0, 0.0  # strands on jaws that did not open, and how far
-        self.forget_sweep()
-
-    def stand(self, hand: Hand) -> None:
-        """Start a new way where the hand is."""
-        x, y, z = hand.place.tolist()
-        self.places.clear()
-        self.places.extend([(x, y, z, hand.opening)] * (SHIFT_TICKS + 1))
-
-    def forget_sweep(self) -> None:
-        """Start anew with what jaws do that stay closed."""
         # Strands that have parted on jaws that do not open: tick, how many.
         self.events: list[tuple[int, int]] = []
         self.events_start = (0.0, 0.0, 0.0)
         self.turns: list[int] = []
-        self.presses = deque([0.0] * PULL_TICKS, maxlen=PULL_TICKS)  # N
-        self.extremes = [self.places[-1][axis] for axis in range(3)]
-        self.heading = [0, 0, 0]  # along each axis: 1 or -1, 0 before the first
-
-    def shift(self, ticks: int) -> list[float]:
-        """Return how far the tip has come, (3,) mm."""
-        now, before = self.places[-1], self.places[-1 - ticks]
-        return [now[r] - before[r] for r in range(3)]
-
-    def speed(self, ticks: int) -> float:
-        """Return the tip's speed from end to end, mm/s."""
-        return math.hypot(*self.shift(ticks)) / (ticks * TICK_SECONDS)
 
 
 class ErrorFinder:
@@ -121,6 +103,7 @@ class ErrorFinder:
         tubes = duct.tubes.names
         anatomy = duct.specimen.anatomy
         kinds = [] if anatomy is None else [each.kind for each in anatomy.tube]
+        self._several = anatomy is not None
         self._titles = [tube_title(name) for name in tubes]
         self._vessels = [tube for tube, kind in enumerate(kinds) if kind in ("artery", "vein")]
         self._wrong = [about is not None and name not in about for name in tubes]
@@ -142,39 +125,31 @@ class ErrorFinder:
         self._most_fraction = ratio or 1.0
         self._watches = [_Watch(hand) for hand in duct.hands]
         self._damage = duct.beam.state.damage.copy()
-        self._rods = np.full((HANDS, 2), -1, dtype=np.int64)
-        self._set_rods()
-        self._counts = np.zeros((HANDS + 1, 3), dtype=np.int64)
+        # Of each hand: its way, oldest first; presses of the last ticks, N; where it last turned,
+        # and how it goes along each axis: 1 or -1, 0 before the first.
+        self._ways = np.zeros((HANDS, SHIFT_TICKS + 1, OPENING + 1))
+        self._presses, self._turned = np.zeros((HANDS, PULL_TICKS)), np.zeros((HANDS, 2, 3))
+        self._seen = np.zeros((HANDS, SEEN))
+        for i in range(HANDS):
+            self._start_way(i)
         self._pace = Pace(self.incidents)
         self._torn = False  # whether a tube tore in this tick
         self._nicked = list(duct.nicked)
 
     def take(self, stretches: list[Span], out_of_sight: int) -> None:
         """Take a tick with the stretches that are free, mm; so many strands parted unseen in it."""
-        duct, incidents = self._duct, self.incidents
+        duct, incidents, watches = self._duct, self.incidents, self._watches
         incidents.tick += 1
         self._stretches = stretches
-        state = duct.beam.state
-        _COUNT(state.damage, self._damage, state.side, self._rods, self._counts)
-        counts: list[list[int]] = self._counts.tolist()
-        stress = duct.stress_ratio
+        state, hands, stress = duct.beam.state, duct.hands, duct.stress_ratio
+        a, b = hands
         self._pace.take(stress)
-        forces = duct.forces
-        pull = incidents.limits["out_of_view"]["pull"]
-        holding = 0
-        dissecting = [False] * HANDS
-        for i, hand in enumerate(duct.hands):
-            watch = self._watches[i]
+        for i, (hand, watch) in enumerate(zip(hands, watches, strict=True)):
             if hand.instrument != watch.instrument:
                 watch.instrument = hand.instrument
-                watch.stand(hand)
-                watch.forget_sweep()
-                self._set_rods()
-            holding += hand.node is not None
-            dissecting[i] = counts[i][1] > 0
-        parted = counts[HANDS][0]
-        for i, hand in enumerate(duct.hands):
-            watch = self._watches[i]
+                self._start_way(i)
+                watch.turns.clear()
+                watch.events.clear()
             if hand.slips != watch.slips:
                 watch.slips = hand.slips
                 incidents.note(
@@ -183,24 +158,38 @@ class ErrorFinder:
                 )  # fmt: skip
             if hand.node is not None and hand.holds != watch.holds:
                 self._take_hold(i, hand, watch)
-            else:
-                watch.places.append((*hand.place.tolist(), hand.opening))
+        force, other = duct.forces
+        parted = _LOOK(
+            state.damage, self._damage, state.side, state.press,
+            (len(duct.rods_of(0)), len(duct.rods_of(1))), (a.node is not None, b.node is not None),
+            (a.place, b.place), (a.opening, b.opening), (*force, *other),
+            self._ways, self._presses, self._turned, self._seen,
+        )  # fmt: skip
+        seen: list[list[float]] = self._seen.tolist()
+        holding = (a.node is not None) + (b.node is not None)
+        for i, (hand, watch, row) in enumerate(zip(hands, watches, seen, strict=True)):
+            if row[TURNS]:
+                watch.turns.extend([incidents.tick] * int(row[TURNS]))
             if hand.node is not None:
-                self._judge_hold(i, watch, forces[i], dissecting[1 - i])
-            elif self._rods[i, 0] >= 0:
-                self._judge_instrument(i, hand, watch, *counts[i], holding=holding)
+                self._judge_hold(i, hand, watch, row, other_dissects=seen[1 - i][GOING] > 0.0)
+            elif row[TOUCHING] or row[PARTED] or row[PRESS]:
+                self._judge_instrument(i, hand, watch, row, holding=holding)
             if len(duct.pose) >= SCOPE_NUMBERS:
-                self._judge_picture(
-                    i, hand, watch, acts=math.hypot(*forces[i]) > pull or counts[i][2] > 0
-                )
+                self._judge_picture(i, hand, watch, row)
         if holding:
-            self._judge_pace(forces, parted=parted > 0)
-        limit = incidents.limits["unseen"]["strands"]
-        if out_of_sight >= limit:
+            self._judge_pace(seen, parted=parted > 0)
+        if out_of_sight and out_of_sight >= incidents.limits["unseen"]["strands"]:
             incidents.note("unseen", None, duct.station, out_of_sight, out_of_sight)
-        if duct.specimen.anatomy is not None:
-            self._judge_tubes(forces, parted)
-        self._take_events()
+        if self._several:
+            self._judge_tubes(seen, parted)
+        self._torn = False
+        if (
+            len(duct.events) != self._events
+            or len(duct.marks) != self._marks
+            or duct.called_unsafe != self._unsafe
+            or duct.nicked != self._nicked
+        ):
+            self._take_events()
         # What is divided in the view is no part of it any more: the view before it counts.
         if self._safety is not None and incidents.tick % VIEW_TICKS == 0 and not self._divided:
             self._points = self._safety.critical_view().total
@@ -208,21 +197,27 @@ class ErrorFinder:
         if incidents.followed:
             incidents.end_tick(self._consequence(stress, out_of_sight))
 
-    def _judge_picture(self, i: int, hand: Hand, watch: _Watch, *, acts: bool) -> None:
+    def _start_way(self, i: int) -> None:
+        """Start a new way where a hand is."""
+        hand = self._duct.hands[i]
+        self._ways[i] = *hand.place.tolist(), hand.opening
+        self._presses[i], self._turned[i, 0], self._turned[i, 1] = 0.0, hand.place, 0.0
+
+    def _judge_picture(self, i: int, hand: Hand, watch: _Watch, row: list[float]) -> None:
         """Judge whether a hand that acts and moves is seen through the laparoscope."""
         limits = self.incidents.limits["out_of_view"]
-        outside = not in_picture(self._duct.pose, hand.place.tolist())
-        moves = watch.speed(TIP_TICKS) > LEAST_SPEED
-        opens = watch.places[-1][3] != watch.places[-1 - TIP_TICKS][3]
-        watch.unseen = watch.unseen + 1 if acts and outside and (moves or opens) else 0
+        acts = row[SIZE] > limits["pull"] or row[TOUCHING] > 0.0
+        moves = row[TIP_SPEED] > LEAST_SPEED or row[OPENS] != 0.0
+        unseen = acts and moves and not in_picture(self._duct.pose, hand.place.tolist())
+        watch.unseen = watch.unseen + 1 if unseen else 0
         seconds = watch.unseen * TICK_SECONDS
         if seconds > limits["seconds"]:
-            tool, at = watch.instrument, watch.places[-1][0]
+            tool, at = watch.instrument, float(hand.place[0])
             self.incidents.note("out_of_view", i, at, seconds, tool=tool, s=seconds)
 
     def _take_events(self) -> None:
         """Note what tore, was clipped or was divided in this tick."""
-        duct, self._torn, incidents = self._duct, False, self.incidents
+        duct, incidents = self._duct, self.incidents
         for event in duct.events[self._events :]:
             if event.kind in ("clip", "division"):
                 self._judge_closing(event)
@@ -322,10 +317,10 @@ class ErrorFinder:
                 "clip_short", event.hand, at, tube=tube, n=clips, name=self._titles[tube]
             )
 
-    def _judge_tubes(self, forces: list[list[float]], parted: int) -> None:
+    def _judge_tubes(self, seen: list[list[float]], parted: int) -> None:
         """Judge what is done to an anatomy's tubes: which are pulled, and what bleeds."""
         duct, incidents = self._duct, self.incidents
-        pulls = [math.hypot(*force) for force in forces]
+        pulls = [row[SIZE] for row in seen]
         hardest = pulls.index(max(pulls)) if max(pulls) > 0.0 else None
         for i, hand in enumerate(duct.hands):
             pulls_hard = pulls[i] > incidents.limits["wrong_structure"]["pull"]
@@ -376,7 +371,7 @@ class ErrorFinder:
             place = duct.beam.places[hole.node].tolist()
             for i, hand in enumerate(duct.hands):
                 away = math.dist(hand.place.tolist(), place)
-                if away > limits["away"] and (hand.node is not None or self._rods[i, 0] >= 0):
+                if away > limits["away"] and (hand.node is not None or duct.rods_of(i)):
                     incidents.note(
                         "unattended_bleeding", i, hole.station, seconds, tube=tube,
                         consequence=harm, d=away, s=seconds, ml=lost, name=self._titles[tube],
@@ -404,22 +399,14 @@ class ErrorFinder:
             return "near miss"
         return "none"
 
-    def _set_rods(self) -> None:
-        self._rods[:] = -1
-        for i in range(HANDS):
-            rods = self._duct.rods_of(i)
-            self._rods[i, : len(rods)] = rods
-
     # Jaws and swabs
 
     def _judge_instrument(
-        self, i: int, hand: Hand, watch: _Watch, parted: int, going: int, touching: int,
-        *, holding: int,
-    ) -> None:  # fmt: skip
-        incidents, limits = self.incidents, self.incidents.limits
-        places = watch.places
-        station, tool = places[-1][0], watch.instrument
-        speed = watch.speed(TIP_TICKS) if touching else 0.0
+        self, i: int, hand: Hand, watch: _Watch, row: list[float], *, holding: int
+    ) -> None:
+        incidents, limits, duct = self.incidents, self.incidents.limits, self._duct
+        station, tool = float(hand.place[0]), watch.instrument
+        parted, speed = int(row[PARTED]), row[TIP_SPEED] if row[TOUCHING] else 0.0
         if parted:
             fast = limits["fast_in_tissue"]
             most = fast["speed"]
@@ -427,53 +414,31 @@ class ErrorFinder:
                 incidents.note(
                     "fast_in_tissue", i, station, speed, parted, v=speed, speed=most, tool=tool
                 )
-            opened = (places[-1][3] - places[-1 - TIP_TICKS][3]) / (TIP_TICKS * TICK_SECONDS)
-            if opened > 1.001 * limits["jumping_jaws"]["speed"]:
-                incidents.note("jumping_jaws", i, station, opened, parted, v=opened)
+            if row[OPENS] > 1.001 * limits["jumping_jaws"]["speed"]:
+                incidents.note("jumping_jaws", i, station, row[OPENS], parted, v=row[OPENS])
             if not holding:
                 incidents.note("no_traction", i, station, 0.0, parted)
-        if touching:
-            most = limits["blind_stab"]["speed"]
-            beam = self._duct.beam
-            if (
-                speed > most
-                and (
-                    node := _hiding(
-                        beam.places,
-                        beam.state.thick,
-                        self._duct.radius,
-                        hand.place,
-                        self._duct.view,
-                    )
-                )
-                >= 0
-            ):
-                tube = next(
-                    tube
-                    for tube, name in enumerate(self._duct.tubes.names)
-                    if node in beam.nodes_of(name)
-                )
+        most, beam = limits["blind_stab"]["speed"], duct.beam
+        if speed > most:
+            node = _hiding(beam.places, beam.state.thick, duct.radius, hand.place, duct.view)
+            names = duct.tubes.names if node >= 0 else ()
+            for tube in [k for k, name in enumerate(names) if node in beam.nodes_of(name)][:1]:
                 incidents.note(
                     "blind_stab", i, station, speed, tube=tube,
                     v=speed, d=speed * REACTION_SECONDS, speed=most,
                     what=f"the {self._titles[tube]}",
                 )  # fmt: skip
-        presses = self._duct.beam.state.press
-        press = max(math.hypot(*presses[rod].tolist()) for rod in self._duct.rods_of(i))
-        watch.presses.append(press)
-        press = sum(watch.presses) / PULL_TICKS
-        on_wall = limits["instrument_on_wall"]
+        press, on_wall = row[PRESS], limits["instrument_on_wall"]
         if press > on_wall["least"]:
             tube, node = self._pressed(i)
-            stress = press * self._duct.tubes.press_stresses[tube][node]
-            if stress > on_wall["part"] * self._duct.strengths[tube]:
-                name = self._duct.tubes.names[tube]
-                station = float(self._duct.beam.stations_of(name)[node])
+            stress = press * duct.tubes.press_stresses[tube][node]
+            if stress > on_wall["part"] * duct.strengths[tube]:
+                station = float(beam.stations_of(duct.tubes.names[tube])[node])
                 incidents.note(
                     "instrument_on_wall", i, station, press,
                     tube=tube, f=press, tool=tool, what=f"the {self._titles[tube]}",
                 )  # fmt: skip
-        if tool == "dissector":
+        if parted and tool == "dissector":
             self._judge_sweep(i, watch, parted)
 
     def _pressed(self, i: int) -> tuple[int, int]:
@@ -495,30 +460,20 @@ class ErrorFinder:
         return tube, nodes[tube]
 
     def _judge_sweep(self, i: int, watch: _Watch, parted: int) -> None:
-        """Judge what jaws do that do not open: how far they go, and whether to and fro."""
+        """Judge what parts on jaws that do not open: how far they go, and whether to and fro."""
         incidents, tick = self.incidents, self.incidents.tick
         stir, plough = incidents.limits["stirring"], incidents.limits["ploughing"]
-        now, before = watch.places[-1], watch.places[0]
-        for axis in range(3):
-            away = now[axis] - watch.extremes[axis]
-            if away * watch.heading[axis] > 0.0:
-                watch.extremes[axis] = now[axis]
-            elif abs(away) > TURN_MM:
-                if watch.heading[axis]:
-                    watch.turns.append(tick)
-                watch.extremes[axis], watch.heading[axis] = now[axis], 1 if away > 0.0 else -1
+        before, now = self._ways[i, [0, -1]].tolist()
         while watch.turns and (tick - watch.turns[0]) * TICK_SECONDS > stir["seconds"]:
             watch.turns.pop(0)
         while watch.events and (tick - watch.events[0][0]) * TICK_SECONDS > plough["seconds"]:
             watch.events.pop(0)
-        if not parted:
-            return
         # Jaws open where they part farther than their tip moves.
         opened = now[3] - before[3]
         if opened > max(0.3, math.dist(now[:3], before[:3])):
             return
         if not watch.events:
-            watch.events_start = now[:3]
+            watch.events_start = (now[0], now[1], now[2])
         watch.events.append((tick, parted))
         watch.ploughed += parted
         watch.ploughed_mm += (math.dist(now[:3], before[:3]) + 0.5 * abs(opened)) / SHIFT_TICKS
@@ -539,10 +494,10 @@ class ErrorFinder:
     def _take_hold(self, i: int, hand: Hand, watch: _Watch) -> None:
         """Start a new hold."""
         watch.holds = hand.holds
-        watch.stand(hand)
+        self._ways[i] = *hand.place.tolist(), hand.opening
         at = self._duct.held_at(i) or 0.0
-        watch.held_at, watch.most, watch.judged, watch.leaning = at, 0.0, False, 0
-        watch.highest = watch.places[-1][2]
+        watch.held_at, watch.judged, watch.leaning = at, False, 0
+        self._seen[i, MOST], self._seen[i, HIGHEST] = 0.0, hand.place[2]
         watch.front_away = self._front(at)[0]
         tick, limits = self.incidents.tick, self.incidents.limits["repeated_holds"]
         holds = watch.recent_holds
@@ -568,62 +523,50 @@ class ErrorFinder:
             outside += edges
         return min(outside, default=(None, 0.0))
 
-    def _judge_hold(self, i: int, watch: _Watch, force: list[float], other_dissects: bool) -> None:
+    def _judge_hold(
+        self, i: int, hand: Hand, watch: _Watch, row: list[float], *, other_dissects: bool
+    ) -> None:
         incidents, limits = self.incidents, self.incidents.limits
-        at, stress = watch.held_at, self._pace.ratio
-        size = math.hypot(*force)
-        watch.most = max(watch.most, size)
-        pull = watch.pull
-        for r in range(3):
-            pull[r] += MEAN_PULL * (force[r] - pull[r])
-        lost = limits["traction_lost"]
-        height = watch.places[-1][2]
-        watch.highest = max(watch.highest, height)
-        if (
-            other_dissects
-            and watch.most > lost["pull"]
-            and size < lost["part"] * watch.most
-            and watch.highest - height > lost["down"]
-        ):
-            incidents.note("traction_lost", i, at, -size, most=watch.most, f=size)
+        at, stress, size = watch.held_at, self._pace.ratio, row[SIZE]
+        if other_dissects:
+            lost, most = limits["traction_lost"], row[MOST]
+            down = row[HIGHEST] - float(hand.place[2])
+            if most > lost["pull"] and size < lost["part"] * most and down > lost["down"]:
+                incidents.note("traction_lost", i, at, -size, most=most, f=size)
         if size <= limits["ahead_of_front"]["pull"]:
             return
         # What holds an anatomy's tubes has no one front.
-        if self._rods[1 - i, 0] < 0 and self._duct.specimen.anatomy is None:
-            self._judge_place(i, watch)
-        if self._duct.specimen.anatomy is None:
-            self._judge_lean(i, at)
+        if not self._several:
+            if not self._duct.rods_of(1 - i):
+                self._judge_place(i, watch)
+            self._judge_lean(i, watch, row[PULL:])
         most = limits["over_lifted"]["most"]
         if stress > most:
             incidents.note(
                 "over_lifted", i, at, stress,
-                p=100.0 * stress, m=watch.places[-1][2], most=100.0 * most,
+                p=100.0 * stress, m=float(hand.place[2]), most=100.0 * most,
             )  # fmt: skip
 
-    def _judge_pace(self, forces: list[list[float]], *, parted: bool) -> None:
+    def _judge_pace(self, seen: list[list[float]], *, parted: bool) -> None:
         """Judge how fast the wall is loaded, by the hand whose motion does most work on it."""
-        work = [
-            sum(f * d for f, d in zip(force, watch.shift(PULL_TICKS), strict=True))
-            for force, watch in zip(forces, self._watches, strict=True)
-        ]
+        work = [row[WORK] for row in seen]
         i = work.index(max(work))
-        size, watch = math.hypot(*forces[i]), self._watches[i]
+        size, speed = seen[i][SIZE], seen[i][PULL_SPEED]
         # What jaws and swabs press is an error of its own.
         held = self._duct.hands[i].node is not None
         if not held or size <= self.incidents.limits["ahead_of_front"]["pull"]:
             return
         if work[i] > size * LEAST_SPEED * PULL_TICKS * TICK_SECONDS:
-            self._pace.judge(i, watch.held_at, watch.speed(PULL_TICKS), parted=parted)
+            self._pace.judge(i, self._watches[i].held_at, speed, parted=parted)
 
-    def _judge_lean(self, i: int, at: float) -> None:
+    def _judge_lean(self, i: int, watch: _Watch, pull: list[float]) -> None:
         """Judge whether a duct is pulled straight off its bed."""
-        incidents, watch = self.incidents, self._watches[i]
-        lean, pull = incidents.limits["leaning"], watch.pull
+        incidents, lean = self.incidents, self.incidents.limits["leaning"]
         angle = math.degrees(math.atan2(abs(pull[1]), pull[2]))
         leans = angle > lean["angle"] and math.hypot(*pull) > lean["pull"]
         watch.leaning = watch.leaning + 1 if leans else 0
         if watch.leaning * TICK_SECONDS > lean["seconds"]:
-            incidents.note("leaning", i, at, angle, a=angle)
+            incidents.note("leaning", i, watch.held_at, angle, a=angle)
 
     def _judge_place(self, i: int, watch: _Watch) -> None:
         """Judge where a hold was taken, once it pulls, and how far the front has run from it."""
@@ -650,36 +593,85 @@ def _safety_of(tissue: SpatialTissue) -> Safety | None:
         return None
 
 
-@njit(cache=True)
-def _count(damage: Floats, before: Floats, side: Bytes, rods: Ints, out: Ints) -> None:
-    """Count the strands that parted, that are being parted and that touch, and keep the damage.
+@kernel()
+def _norm(x: float, y: float, z: float) -> float:
+    return math.sqrt(x * x + y * y + z * z)
 
-    `rods` are those of each hand, (H, 2), -1 for none; `out` is (H + 1, 3), by hand and of all.
-    A strand that touches both of a hand's rods is counted twice among those that touch.
-    """
-    hands = rods.shape[0]
-    out[:] = 0
-    for hand in range(hands):
-        for rod in rods[hand]:
-            if rod >= 0:
-                touching = 0
-                for s in range(side.shape[1]):
-                    touching += side[rod, s] == 1 or side[rod, s] == -1
-                out[hand, 2] += touching
+
+@kernel()
+def _look(
+    damage: Floats, before: Floats, side: Bytes, press: Floats, rods: tuple[int, int],
+    holds: tuple[bool, bool], places: tuple[Floats, Floats], openings: tuple[float, float],
+    forces: tuple[float, ...], ways: Floats, presses: Floats, turned: Floats, seen: Floats,
+) -> int:  # fmt: skip
+    """Write what a tick shows of the hands; return how many strands parted."""
+    # A strand that touches both of a hand's rods is counted twice among those that touch.
+    for i in range(HANDS):
+        first, last = 2 * i, 2 * i + rods[i]
+        way, row = ways[i], seen[i]
+        touching = 0
+        for rod in range(first, last):
+            for s in range(side.shape[1]):
+                touching += side[rod, s] == 1 or side[rod, s] == -1
+        row[PARTED] = row[GOING] = row[PRESS] = row[TURNS] = 0.0
+        row[TOUCHING] = touching
+        for k in range(SHIFT_TICKS):
+            for c in range(OPENING + 1):
+                way[k, c] = way[k + 1, c]
+        now, tip, pull = (
+            way[SHIFT_TICKS],
+            way[SHIFT_TICKS - TIP_TICKS],
+            way[SHIFT_TICKS - PULL_TICKS],
+        )
+        now[OPENING] = openings[i]
+        work = 0.0
+        for r in range(3):
+            now[r] = places[i][r]
+            work += forces[3 * i + r] * (now[r] - pull[r])
+        size = _norm(forces[3 * i], forces[3 * i + 1], forces[3 * i + 2])
+        row[SIZE], row[WORK] = size, work
+        far = _norm(now[0] - tip[0], now[1] - tip[1], now[2] - tip[2])
+        row[TIP_SPEED] = far / (TIP_TICKS * TICK_SECONDS)
+        far = _norm(now[0] - pull[0], now[1] - pull[1], now[2] - pull[2])
+        row[PULL_SPEED] = far / (PULL_TICKS * TICK_SECONDS)
+        row[OPENS] = (now[OPENING] - tip[OPENING]) / (TIP_TICKS * TICK_SECONDS)
+        if holds[i]:
+            row[MOST], row[HIGHEST] = max(row[MOST], size), max(row[HIGHEST], now[2])
+            for r in range(3):
+                row[PULL + r] += MEAN_PULL * (forces[3 * i + r] - row[PULL + r])
+        if rods[i] == 0:
+            continue
+        total, most = 0.0, 0.0
+        for rod in range(first, last):
+            most = max(most, _norm(press[rod, 0], press[rod, 1], press[rod, 2]))
+        for k in range(PULL_TICKS):
+            presses[i, k] = presses[i, k + 1] if k < PULL_TICKS - 1 else most
+            total += presses[i, k]
+        row[PRESS] = total / PULL_TICKS
+        at, heading = turned[i, 0], turned[i, 1]
+        for r in range(3):
+            away = now[r] - at[r]
+            if away * heading[r] > 0.0:
+                at[r] = now[r]
+            elif abs(away) > TURN_MM:
+                row[TURNS] += heading[r] != 0.0
+                at[r], heading[r] = now[r], 1.0 if away > 0.0 else -1.0
+    parted = 0
     for s in range(damage.shape[0]):
         if damage[s] > before[s] + 1e-9:
-            parted = damage[s] >= 1.0
-            out[hands, 0] += parted
-            for hand in range(hands):
-                for rod in rods[hand]:
-                    if rod >= 0 and (side[rod, s] == 1 or side[rod, s] == -1):
-                        out[hand, 0] += parted
-                        out[hand, 1] += 1
+            parts = damage[s] >= 1.0
+            parted += parts
+            for i in range(HANDS):
+                for rod in range(2 * i, 2 * i + rods[i]):
+                    if side[rod, s] == 1 or side[rod, s] == -1:
+                        seen[i, PARTED] += parts
+                        seen[i, GOING] += 1.0
                         break
         before[s] = damage[s]
+    return parted
 
 
-@njit(cache=True)
+@kernel()
 def _hiding(places: Floats, thick: Floats, least: float, tip: Floats, towards: Floats) -> int:
     """Return the first node that hides a tip from the viewer, -1 for none."""
     # The line from the tip towards the viewer passes within the outer radius there, or within
@@ -695,4 +687,4 @@ def _hiding(places: Floats, thick: Floats, least: float, tip: Floats, towards: F
     return -1
 
 
-_COUNT = SameTypes(_count)
+_LOOK = SameTypes(_look)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.grasper import ARRIVED_MM, ARRIVED_MM_PER_S, HAND_RATE, HAND_SPEED
 from app.simulation.inputs import Instrument
-from kernel_cache import njit
+from kernel_cache import kernel
 
 __all__ = ["GRIP_N", "MEAN_PULL", "Hand", "follow"]
 
@@ -30,33 +30,31 @@ _DECAY = math.exp(-HAND_RATE * TICK_SECONDS)
 _MOST = HAND_SPEED * TICK_SECONDS
 
 
-@njit(cache=True)
+@kernel()
 def follow(
     place: NDArray[np.float64], speed: NDArray[np.float64], target: NDArray[np.float64]
 ) -> None:
     """Move a tip, mm, and its speed, mm/s, (3,) each, towards its target for one tick."""
     if place[0] == target[0] and place[1] == target[1] and place[2] == target[2]:
         return
-    before, after = (place[0], place[1], place[2]), np.empty(3)
+    before = place[0], place[1], place[2]
     square = 0.0
     for r in range(3):
         away = place[r] - target[r]
         push = speed[r] + HAND_RATE * away
-        after[r] = target[r] + (away + push * TICK_SECONDS) * _DECAY
+        place[r] = target[r] + (away + push * TICK_SECONDS) * _DECAY
         speed[r] = (speed[r] - HAND_RATE * push * TICK_SECONDS) * _DECAY
-        square += (after[r] - before[r]) ** 2
+        square += (place[r] - before[r]) ** 2
     far = math.sqrt(square)
     arrived = True
     for r in range(3):
         if far > _MOST:
-            displacement = after[r] - before[r]
-            after[r] = before[r] + displacement * (_MOST / far)
+            displacement = place[r] - before[r]
+            place[r] = before[r] + displacement * (_MOST / far)
             speed[r] = displacement * (HAND_SPEED / far)
-        arrived &= abs(after[r] - target[r]) <= ARRIVED_MM and abs(speed[r]) <= ARRIVED_MM_PER_S
-    for r in range(3):
-        place[r] = target[r] if arrived else after[r]
-        if arrived:
-            speed[r] = 0.0
+        arrived &= abs(place[r] - target[r]) <= ARRIVED_MM and abs(speed[r]) <= ARRIVED_MM_PER_S
+    for r in range(3 if arrived else 0):
+        place[r], speed[r] = target[r], 0.0
 
 
 class Hand:

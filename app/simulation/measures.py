@@ -218,6 +218,10 @@ class PullMetrics:
         """Return nothing: there is no gallbladder."""
         return []
 
+    def measure(self, key: str) -> float | None:
+        """Return one of the measures so far; None of a key that there is not."""
+        return getattr(self.measures(), key, None)
+
     def measures(self) -> Measures:
         """Return the measures so far."""
         loaded = self._loaded > 0

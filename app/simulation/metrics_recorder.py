@@ -78,6 +78,10 @@ class MetricsRecorder(Protocol):
         """Take one tick, in which something moved or all stood still."""
         ...
 
+    def measure(self, key: str) -> float | tuple[float, ...] | None:
+        """Return one of the measures so far; None of a key that there is not."""
+        ...
+
     def measures(self) -> msgspec.Struct:
         """Return the measures so far."""
         ...

@@ -47,7 +47,7 @@ from app.simulation.specimen import Specimen
 from app.simulation.structures import entering_tubes, front_strands, named_structures
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.trocar import TROCARS
-from kernel_cache import SameTypes, njit
+from kernel_cache import SameTypes, kernel
 from physics import DEEPEST, RuptureCheck
 from physics.bed import BeamOnBed, Network, WorstStress
 
@@ -390,7 +390,7 @@ class SpatialTissue:
         if kind == "move":
             (x, y, z), (along, across, up) = values, self._reach
             place = _within(x, along), _within(y, across), _within(z, up)
-            if place == tuple(self.hands[hand].target.tolist()):
+            if [*place] == self.hands[hand].target.tolist():
                 return None
             if self.rods_of(hand):  # it may part strands before a hand takes hold
                 begin()
@@ -665,7 +665,8 @@ class SpatialTissue:
 
     def move_hand(self, hand: int, place: Floats | Vector) -> None:
         """Set where a hand's tip goes, (3,) mm."""
-        self.hands[hand].target[:] = place
+        target = self.hands[hand].target
+        target[0], target[1], target[2] = place
 
     def put_hand(self, hand: int, place: Floats) -> None:
         """Put the tip of a hand that holds nothing somewhere at once, (3,) mm."""
@@ -739,20 +740,19 @@ class SpatialTissue:
         if self._still and all(hand.arrived for hand in self.hands):
             return False
         self._forget_reading()
-        beam = self.beam
+        beam, hands = self.beam, self.hands
         state = beam.state
-        for number, hand in enumerate(self.hands):
-            rods = self.rods_of(number)
-            hand.part_jaws()
-            _LEAD(
-                hand.place, hand.speed, hand.target, -1 if hand.node is None else hand.node,
-                state.goal_to, 2 * number, 2 * number + len(rods),
-                _jaw_offset(hand) if len(rods) == 2 else 0.0, hand.spread, state.rods_to,
-            )  # fmt: skip
-        self._before[:] = beam.places
+        a, b = hands
+        a.part_jaws()
+        b.part_jaws()
+        _LEAD(
+            (a.place, b.place), (a.speed, b.speed), (a.target, b.target), self._nodes(),
+            (len(self.rods_of(0)), len(self.rods_of(1))), (_jaw_offset(a), _jaw_offset(b)),
+            (a.spread, b.spread), state.goal_to, state.rods_to, state.x, self._before,
+        )  # fmt: skip
         before = self.stress_ratio
         beam.tick(TICK_SECONDS, ticks=SUBSTEPS)
-        farthest, broken = _changes(self._before, beam.places, beam.state.damage)
+        farthest, broken = _CHANGES(self._before, state.x, state.damage)
         relaxes = self._relaxing != (None, None)
         self._still = farthest <= (RELAXED_MM if relaxes else STILL_MM)
         if broken != self.broken:
@@ -778,20 +778,20 @@ class SpatialTissue:
 
     def _take_stresses(self) -> None:
         """Hold the walls' stresses against their strengths; tear those that are past them."""
-        beam, stresses = self.beam, self.beam.stresses()
-        names, surfaces, strengths = self.tubes.names, self.tubes.surfaces, self.strengths
-        worsts = [beam.worst_stress(name, stresses) for name in names]
-        self.stress_ratios = [
+        beam, surfaces, strengths = self.beam, self.tubes.surfaces, self.strengths
+        worsts: list[WorstStress] = beam.worst_stresses()
+        ratios = self.stress_ratios = [
             each.total / strength for each, strength in zip(worsts, strengths, strict=True)
         ]
-        self.stress_ratio = max(self.stress_ratios)
-        self.worst_tube = worst_tube = self.stress_ratios.index(self.stress_ratio)
+        ratio = self.stress_ratio = max(ratios)
+        self.worst_tube = worst_tube = ratios.index(ratio)
         self.station = worsts[worst_tube].station / surfaces[worst_tube].scale
-        self.peak_stress_ratio = max(self.peak_stress_ratio, self.stress_ratio)
-        for tube, name in enumerate(names if self.stress_ratio > 1.0 else ()):
-            if self.stress_ratios[tube] <= 1.0 or self.tears[tube] is not None:
+        self.peak_stress_ratio = max(self.peak_stress_ratio, ratio)
+        for tube, name in enumerate(self.tubes.names if ratio > 1.0 else ()):
+            if ratios[tube] <= 1.0 or self.tears[tube] is not None:
                 continue
-            check, worst = surfaces[tube].check(beam, strengths[tube], stresses), worsts[tube]
+            worst = worsts[tube]
+            check = surfaces[tube].check_of(worst, strengths[tube])
             hand = self._hand_at(tube, worst.station)
             if self._nick(tube, worst, check.station, hand):
                 continue
@@ -1094,17 +1094,17 @@ class SpatialTissue:
         # As lists, here and in what looks at them in each tick: numpy takes ten times as long for
         # three numbers.
         if self._forces is None:
-            pulls: list[list[float]] = self.beam.state.pull.tolist()
-            self._forces = []
-            for number, hand in enumerate(self.hands):
-                node, rods = hand.node, self.rods_of(number)
-                force: list[float] = (
-                    [0.0, 0.0, 0.0] if node is None else self.beam.hand_force(node).tolist()
-                )
-                for rod in rods:
-                    force = [a + b for a, b in zip(force, pulls[rod], strict=True)]
-                self._forces.append(force)
+            state, out = self.beam.state, np.empty((HANDS, 3))
+            rods = len(self.rods_of(0)), len(self.rods_of(1))
+            _FORCES(self._nodes(), rods, state.react, state.load, state.pull, out)
+            forces: list[list[float]] = out.tolist()
+            self._forces = forces
         return self._forces
+
+    def _nodes(self) -> tuple[int, int]:
+        """Return the nodes that the hands hold, -1 for none."""
+        a, b = (hand.node for hand in self.hands)
+        return -1 if a is None else a, -1 if b is None else b
 
     def _forget_reading(self) -> None:
         self._whole = False
@@ -1149,7 +1149,7 @@ def _with_free_end(network: Network) -> Network:
     return replace(network, tubes={**network.tubes, name: free})
 
 
-@njit(cache=True)
+@kernel()
 def _changes(before: Floats, places: Floats, damage: Floats) -> tuple[float, int]:
     """Return how far the node has moved that moved farthest, mm, and how many strands parted."""
     farthest, parted = 0.0, 0
@@ -1161,23 +1161,50 @@ def _changes(before: Floats, places: Floats, damage: Floats) -> tuple[float, int
     return farthest, parted
 
 
-@njit(cache=True)
+Both = tuple[Floats, Floats]
+
+
+@kernel()
 def _lead(
-    place: Floats, speed: Floats, target: Floats, node: int, goal: Floats,
-    first: int, last: int, apart: float, spread: Vector, rods: Floats,
+    place: Both, speed: Both, target: Both, node: tuple[int, int], rods: tuple[int, int],
+    apart: tuple[float, float], spread: tuple[Vector, Vector], goal: Floats, rods_to: Floats,
+    places: Floats, before: Floats,
 ) -> None:  # fmt: skip
-    """Move a tip for a tick, and what it leads: a node that it holds, rods that are so far off."""
-    follow(place, speed, target)
-    for r in range(3):
-        if node >= 0:
-            goal[node, r] = place[r]
-        for rod in range(first, last):
-            rods[rod, r] = place[r] + (apart if rod > first else -apart) * spread[r]
+    """Move both tips for a tick, and what they lead: a node that is held, rods so far off."""
+    # Also keep the places of nodes as they are before it.
+    for hand in range(HANDS):
+        follow(place[hand], speed[hand], target[hand])
+        for r in range(3):
+            if node[hand] >= 0:
+                goal[node[hand], r] = place[hand][r]
+            offset = apart[hand] * spread[hand][r]
+            if rods[hand] > 0:
+                rods_to[2 * hand, r] = place[hand][r] - offset
+            if rods[hand] > 1:
+                rods_to[2 * hand + 1, r] = place[hand][r] + offset
+    for n in range(places.shape[0]):
+        for r in range(3):
+            before[n, r] = places[n, r]
+
+
+@kernel()
+def _sum_forces(
+    node: tuple[int, int], rods: tuple[int, int], react: Floats, load: Floats, pull: Floats,
+    out: Floats,
+) -> None:  # fmt: skip
+    """Write the force of each hand, N: on the node that it holds, and on its rods."""
+    for hand in range(HANDS):
+        for r in range(3):
+            out[hand, r] = react[node[hand], r] + load[node[hand], r] if node[hand] >= 0 else 0.0
+            for rod in range(2 * hand, 2 * hand + rods[hand]):
+                out[hand, r] += pull[rod, r]
 
 
 def _jaw_offset(hand: Hand) -> float:
     """Return how far a jaw's axis is from the tip's middle, mm."""
     # Closed jaws lie side by side, so that no strand is between them.
+    if hand.instrument not in JAWED:
+        return 0.0
     return 0.5 * hand.opening + 1.05 * RADIUS[hand.instrument]
 
 
@@ -1200,4 +1227,4 @@ def _vector(values: list[float]) -> Vector:
     return x, y, z
 
 
-_LEAD = SameTypes(_lead)
+_LEAD, _CHANGES, _FORCES = SameTypes(_lead), SameTypes(_changes), SameTypes(_sum_forces)

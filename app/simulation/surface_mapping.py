@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from app.simulation.dissection import Dissection
 from kernel_cache import njit
 from physics import RuptureCheck
-from physics.bed import BeamOnBed, SpaceBeam, Strands
+from physics.bed import BeamOnBed, SpaceBeam, Strands, WorstStress
 
 __all__ = ["SurfaceMapping"]
 
@@ -69,11 +69,12 @@ class SurfaceMapping:
         )
         return out
 
-    def check(
-        self, beam: BeamOnBed, threshold: float, stresses: Floats | None = None
-    ) -> RuptureCheck:
+    def check(self, beam: BeamOnBed, threshold: float) -> RuptureCheck:
         """Return the highest stress in the wall, held against the threshold, MPa."""
-        worst = beam.worst_stress(self.tube, stresses)
+        return self.check_of(beam.worst_stress(self.tube), threshold)
+
+    def check_of(self, worst: WorstStress, threshold: float) -> RuptureCheck:
+        """Return a stress in the wall, held against the threshold, MPa."""
         return RuptureCheck(
             station=worst.station / self.scale,
             tension_side=1 if np.cos(worst.side) >= 0.0 else -1,

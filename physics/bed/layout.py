@@ -49,7 +49,17 @@ IN_PLANE = 2 + 8 + 32
 # Part of an element's shear flexibility that stands for bending within it, from which on it is
 # stretched along its chord.
 THIN = 0.5
-WHOLE_NUMBERS = ("held", "first_block", "blocks", "product", "ends", "first", "pair", "touch", "which")
+WHOLE_NUMBERS = (
+    "held",
+    "first_block",
+    "blocks",
+    "product",
+    "ends",
+    "first",
+    "pair",
+    "touch",
+    "which",
+)
 SMALL_NUMBERS = ("side", "side_before")
 """Names of a state's arrays of whole numbers, and of those that fit a byte."""
 

@@ -70,6 +70,7 @@ class ErrorClass(NamedTuple):
     parameters: tuple[Parameter, ...] = ()
     if_named: bool = False  # whether it is one only in an exercise that names it
     is_result: bool = False  # whether it comes of another error, if one began before it
+    past_tubes: bool = False  # whether one incident may pass several tubes; it names the first
 
 
 def _blind_speed(tissue: Conditions) -> float:
@@ -211,6 +212,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
                     "stop",
                 ),
             ),
+            past_tubes=True,
         ),
         ErrorClass(
             "jumping_jaws", "Jaws thrown open", 7,

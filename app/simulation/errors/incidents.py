@@ -113,7 +113,7 @@ class Incidents:
         self.number: dict[str, int] = {}
         self.tick = 0
         self._all: list[_Open] = []
-        self._open: dict[tuple[str, int | None, int], _Open] = {}
+        self._open: dict[tuple[str, int | None, int | None], _Open] = {}
         self.followed: list[_Open] = []
 
     def note(
@@ -133,9 +133,10 @@ class Incidents:
         """
         if error in self._ignored:
             return
-        found = self._open.get((error, hand, tube))
+        key = error, hand, None if ERROR_CLASSES[error].past_tubes else tube
+        found = self._open.get(key)
         if found is None or self.tick - found.end > CLOSED_TICKS:
-            found = self._open[error, hand, tube] = _Open(error, self.tick, hand, station, tube)
+            found = self._open[key] = _Open(error, self.tick, hand, station, tube)
             self._all.append(found)
             self.followed.append(found)
             self.number[error] = self.number.get(error, 0) + 1
@@ -146,7 +147,8 @@ class Incidents:
         total = found.values.get("n", 0.0)
         if severity >= found.worst:
             found.worst, found.station = severity, station
-            found.values.update(values)
+            what = found.values.get("what", values.get("what"))  # of the first tube
+            found.values.update(values if what is None else values | {"what": what})
         if parted is not None and isinstance(total, float | int):
             found.values["n"] = total + parted
 

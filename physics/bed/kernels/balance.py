@@ -16,7 +16,7 @@ strands jump on or off rods and damage grows, at places that stand still: what t
 difference of two energies.
 """
 
-from kernel_cache import njit
+from kernel_cache import kernel
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.relaxation import remember
 from physics.bed.kernels.state import (
@@ -47,7 +47,7 @@ from physics.bed.kernels.state import (
     copy_values,
 )
 from physics.bed.kernels.step import move
-from physics.bed.kernels.vectors import INNER, inner, outer
+from physics.bed.kernels.vectors import inner, outer
 
 # Part of the energies that move in a tick by which its balance may be off.
 CLOSED = 1e-5
@@ -141,7 +141,7 @@ def account_motion(s: State, size: float, first: float, middle: float, least: bo
     return True
 
 
-@njit(**INNER | {"_nrt": True})  # it makes arrays
+@kernel(error_model="numpy", _nrt=True)  # it makes arrays
 def retrace(s: State) -> None:
     """Account for the motion in as many parts as it takes, by Simpson's rule."""
     turned = s.sums[MOVED]

@@ -26,7 +26,7 @@ E and b are made of + - * / alone: the series of (1 - exp(-q))/q to q^9 for q = 
 then n doublings b -> b (1 + E)/2, E -> E^2; their error is below 1e-14.
 """
 
-from kernel_cache import njit
+from kernel_cache import kernel
 from physics.bed.kernels.state import (
     BEAM,
     PACE,
@@ -39,7 +39,7 @@ from physics.bed.kernels.state import (
     WALL_PACE,
     State,
 )
-from physics.bed.kernels.vectors import OUTER, Floats, inner, outer
+from physics.bed.kernels.vectors import Floats, inner, outer
 
 # Columns of `branch`: fraction, time, s; E and b of the time that goes by, and that time, s.
 FRACTION, TIME, KEPT, RATE, STEP = range(5)
@@ -146,7 +146,7 @@ def remember_walls(wall: Floats, branch: Floats, h: Floats, stiff: Floats) -> tu
     return stored, dissipated
 
 
-@njit(forceinline=True, **OUTER)
+@kernel(error_model="numpy", nogil=True, forceinline=True)
 def remember(s: State) -> None:
     """Write what relaxing strands and walls store, and what viscosity has dissipated in the step.
 
@@ -221,7 +221,7 @@ def begin_step(
         sums[SETTLED], sums[PENDING] = sums[VISCOUS], 0.0
 
 
-@njit(forceinline=True, **OUTER)
+@kernel(error_model="numpy", nogil=True, forceinline=True)
 def settle(s: State, seconds: float) -> None:
     """End a step of time where all is, after its assembly, and begin one of so many seconds."""
     # Of 0 s: the strands and walls that there are at once.

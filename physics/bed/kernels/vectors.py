@@ -6,35 +6,26 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from kernel_cache import njit
+from kernel_cache import kernel
 
 F = TypeVar("F", bound=Callable[..., object])
 
-# Numba counts who refers to each array, here at each call to sixty arrays of a state: a seventh of
-# a step. Kernels that make no array need not.
-OUTER = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
-INNER = {
-    "cache": True,
-    "error_model": "numpy",
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "_nrt": False,
-}
+INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def outer(function: F) -> F:
-    """Return a function compiled for Python and for other kernels; it makes no array."""
-    return njit(**OUTER)(function)  # pyright: ignore
+    """Return a function compiled for Python and for other kernels."""
+    return kernel(error_model="numpy", nogil=True)(function)
 
 
 def inner(function: F) -> F:
     """Return a function compiled for other compiled ones alone: no wrapper, less to compile."""
-    return njit(**INNER)(function)  # pyright: ignore
+    return kernel(**INNER)(function)
 
 
 def inlined(function: F) -> F:
-    """Return an `inner` function that is compiled into its callers: a call copies the state."""
-    return njit(forceinline=True, **INNER)(function)  # pyright: ignore
+    """Return a function that is compiled into its callers: a call copies the state."""
+    return kernel(forceinline=True, **INNER)(function)
 
 
 Floats = NDArray[np.float64]

@@ -25,8 +25,8 @@ import math
 
 import numpy as np
 
-from kernel_cache import njit
-from physics.bed.kernels.vectors import OUTER, Floats, Nine, Three, added, inlined, inner, scaled
+from kernel_cache import kernel
+from physics.bed.kernels.vectors import Floats, Nine, Three, added, inlined, inner, scaled
 from physics.exponential import MOST, exponential_stress
 
 # Columns of a table of walls: E A, N; the plane law's outer fibres, their distances, mm, where the
@@ -292,7 +292,7 @@ def node_stress(
     return fibres[PULL, 0], over * b2, over * b3
 
 
-@njit(**OUTER | {"_nrt": True})  # it makes an array
+@kernel(error_model="numpy", nogil=True, _nrt=True)  # it makes an array
 def end_stresses(
     section: Floats, strained: Floats, wall: Floats, sections: Floats, out: Floats
 ) -> None:
