@@ -196,7 +196,7 @@ def test_a_vector_environment_starts_anew_with_the_next_step() -> None:
         ({"anatomy": "nobody's"}, 'there is no anatomy "nobody\'s" here: normal'),
         (
             {"anatomy": "normal"},
-            "one of 'critical_view', 'first_view', 'stop_bleeding' at the anatomy normal, got",
+            "one of 'first_view', 'critical_view', 'stop_bleeding' at the anatomy normal, got",
         ),
         ({"preset": "glass"}, "glass"),
         ({"hands": 3}, "hands must be 1 to 2, got 3"),
