@@ -16,6 +16,7 @@ from app.simulation import (
     Session,
     SpatialTissue,
 )
+from kernel_cache import SameTypes, kernel
 from physics import NoEquilibrium
 from physics.bed import BeamOnBed
 
@@ -23,6 +24,9 @@ __all__ = ["Episode", "Observation"]
 
 REACH_MM = 4.0
 """How far from the duct's axis a tip may be that takes hold: about the duct's radius."""
+
+GRIP = 5
+"""Numbers of an action for a hand up to the one by which it takes hold."""
 
 Floats = NDArray[np.float64]
 Observation = dict[str, NDArray[Any]]
@@ -47,6 +51,8 @@ class Episode:
             self.session, self.bed_seed = session, session.specimen.bed_seed
             self._begin()
         self.bounds = task.bounds(self._tissue)
+        # Of each instrument, which of those that are known it is.
+        self._one_of = dict(zip(task.known, np.eye(len(task.known)).tolist(), strict=True))
         self._camera = task.view(*task.picture) if PIXELS in self.bounds else None
         # All of the state in one row, which is held within its bounds at once.
         ends = [each for key, each in self.bounds.items() if key != PIXELS]
@@ -112,14 +118,15 @@ class Episode:
     def decide(self, action: Floats, hands: Sequence[int] | None = None) -> None:
         """Take hold, let go and set rates by an action, of some of its hands or of all."""
         task = self.task
-        rows = action.reshape(task.hands, task.actions)
-        rates: list[list[float]] = (rows[:, :4] * (task.speed * TICK_SECONDS)).tolist()
-        acting = range(task.hands) if hands is None else hands
-        for hand in acting:
-            named = dict(zip(task.acted, rows[hand].tolist(), strict=True))
-            self._grip(hand, named["grip"], named.get("instrument"))
-            self._use(hand, used=named.get("use", -1.0) > 0.0)
-        self._rates = {hand: rates[hand] for hand in acting}
+        rows: list[list[float]] = action.reshape(task.hands, task.actions).tolist()
+        pace = task.speed * TICK_SECONDS
+        self._rates = {}
+        for hand in range(task.hands) if hands is None else hands:
+            *moves, grip = rows[hand][:GRIP]
+            self._rates[hand] = [pace * each for each in moves]
+            self._grip(hand, grip, rows[hand][-1] if task.free_choice else None)
+            if task.several:
+                self._use(hand, used=rows[hand][GRIP] > 0.0)
 
     def lead(self) -> None:
         """Lead the acting hands for a tick at their rates."""
@@ -156,8 +163,9 @@ class Episode:
     def _within_reach(self, place: Floats) -> tuple[float, int] | None:
         """Return the station and the tube of the node next to a place, if one is near enough."""
         beam, tubes = self._tissue.beam, self._tissue.tubes
-        squares = ((beam.places - place) ** 2).sum(axis=1)
-        nearest = int(squares.argmin())
+        nearest, square = _NEAREST(beam.places, place)
+        if square > REACH_MM**2 and not self.task.several:
+            return None
         for tube, (name, rest) in enumerate(tubes.network.tubes.items()):
             at = np.flatnonzero(beam.nodes_of(name) == nearest)
             if not at.size:
@@ -166,7 +174,7 @@ class Episode:
             reach = REACH_MM
             if self.task.several:  # a gallbladder's wall is far from its axis
                 reach = max(reach, float(np.interp(station, rest.stations, rest.radius)))
-            near = squares[nearest] <= reach**2
+            near = square <= reach**2
             return (station / tubes.surfaces[tube].scale, tube) if near else None
         return None
 
@@ -267,14 +275,14 @@ class Episode:
 
     def _write_state(self, out: Observation) -> None:
         tissue, task, goal = self._tissue, self.task, self.task.goal
-        hands = out["hands"]
-        hands[:] = 0.0
-        for row, holder, force in zip(hands, tissue.hands, tissue.forces, strict=False):
-            row[:3], row[3:6] = holder.place, force
-            row[6], row[7] = holder.node is not None, holder.opening
-            row[8 + task.known.index(holder.instrument)] = 1.0
-        out["duct"][:] = tissue.beam.places - tissue.beam.rest_places
-        out["strands"][:] = 1.0 - self._parted
+        numbers: list[float] = []
+        for _, holder, force in zip(out["hands"], tissue.hands, tissue.forces, strict=False):
+            numbers += holder.place.tolist()
+            numbers += force
+            numbers += holder.node is not None, holder.opening, *self._one_of[holder.instrument]
+        out["hands"].reshape(-1)[:] = numbers
+        np.subtract(tissue.beam.places, tissue.beam.rest_places, out=out["duct"], casting="unsafe")
+        np.subtract(1.0, self._parted, out=out["strands"], casting="unsafe")
         out["wall"][:] = tissue.stress_ratio, tissue.station, tissue.peak_stress_ratio
         left = (task.limit_ticks - self.session.run.ticks) * TICK_SECONDS
         progress = self._totals["progress"]
@@ -304,3 +312,18 @@ class Episode:
         """Return a picture, (height, width, 3)."""
         pixels = np.zeros((height, width, 3), np.uint8)
         return self.task.view(height, width).take(self._tissue, pixels)
+
+
+@kernel()
+def _nearest(places: Floats, place: Floats) -> tuple[int, float]:
+    """Return the node next to a place, and the square of its distance, mm^2."""
+    found, least = -1, np.inf
+    for n in range(places.shape[0]):
+        x, y, z = places[n, 0] - place[0], places[n, 1] - place[1], places[n, 2] - place[2]
+        square = x * x + y * y + z * z
+        if square < least:
+            found, least = n, square
+    return found, least
+
+
+_NEAREST = SameTypes(_nearest)

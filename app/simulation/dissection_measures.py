@@ -146,7 +146,7 @@ class DissectionRecorder:
         _TAKE(
             self._hands, self._sums, (*force, *other), state.pull, state.press, state.sums,
             (a.place, b.place), (a.node is not None, b.node is not None),
-            (len(duct.rods_of(0)), len(duct.rods_of(1))), duct.stress_ratio, duct.station, moved,
+            duct.rod_counts, duct.stress_ratio, duct.station, moved,
         )  # fmt: skip
         out_of_sight = self.out_of_sight
         if moved and duct.broken > self._broken:

@@ -161,7 +161,7 @@ class ErrorFinder:
         force, other = duct.forces
         parted = _LOOK(
             state.damage, self._damage, state.side, state.press,
-            (len(duct.rods_of(0)), len(duct.rods_of(1))), (a.node is not None, b.node is not None),
+            duct.rod_counts, (a.node is not None, b.node is not None),
             (a.place, b.place), (a.opening, b.opening), (*force, *other),
             self._ways, self._presses, self._turned, self._seen,
         )  # fmt: skip
@@ -371,7 +371,7 @@ class ErrorFinder:
             place = duct.beam.places[hole.node].tolist()
             for i, hand in enumerate(duct.hands):
                 away = math.dist(hand.place.tolist(), place)
-                if away > limits["away"] and (hand.node is not None or duct.rods_of(i)):
+                if away > limits["away"] and (hand.node is not None or duct.rod_counts[i]):
                     incidents.note(
                         "unattended_bleeding", i, hole.station, seconds, tube=tube,
                         consequence=harm, d=away, s=seconds, ml=lost, name=self._titles[tube],
@@ -537,7 +537,7 @@ class ErrorFinder:
             return
         # What holds an anatomy's tubes has no one front.
         if not self._several:
-            if not self._duct.rods_of(1 - i):
+            if not self._duct.rod_counts[1 - i]:
                 self._judge_place(i, watch)
             self._judge_lean(i, watch, row[PULL:])
         most = limits["over_lifted"]["most"]

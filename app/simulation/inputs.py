@@ -125,35 +125,36 @@ class InputLog:
     """The inputs of a run in order, kept as bare numbers: half an hour of dragging is a few MB."""
 
     def __init__(self) -> None:
-        self._ticks, self._keys, self._values = array("L"), array("B"), array("d")
-        self._ends = array("L")  # of each one's numbers among all
+        self._rows = array("d")  # of each its tick, key and how many numbers, and these
+        self._count = self._last = 0  # how many, and where the last one begins
         self._theories: list[Theory] = []
 
     def __len__(self) -> int:
-        return len(self._ticks)
+        return self._count
 
     def note(self, tick: int, hand: int, kind: InputKind, *values: float | Theory) -> None:
         """Append an input; it may replace one of its hand and kind just before, in its tick."""
         if kind == "theory":
             values = tuple(self._number(each) for each in cast(tuple[Theory, ...], values))
-        key, ticks, kept = len(KINDS) * hand + NUMBER_OF[kind], self._ticks, self._values
-        if ticks and ticks[-1] == tick and self._keys[-1] == key and kind in REPLACED:
-            for each in (ticks, self._keys, self._ends):
-                each.pop()
-            del kept[self._ends[-1] if self._ends else 0 :]
-        ticks.append(tick)
-        self._keys.append(key)
-        kept.extend(cast("tuple[float, ...]", values))
-        self._ends.append(len(kept))
+        key, rows, last = len(KINDS) * hand + NUMBER_OF[kind], self._rows, self._last
+        if rows and rows[last] == tick and rows[last + 1] == key and kind in REPLACED:
+            del rows[last:]
+        else:
+            self._count, self._last = self._count + 1, len(rows)
+        rows.extend((tick, key, len(values), *values))  # pyright: ignore[reportArgumentType]
 
     def inputs(self) -> list[Input]:
         """Return the inputs so far."""
-        return [self._input(i) for i in range(len(self))]
+        found, at = list[Input](), 0
+        while at < len(self._rows):
+            tick, key, count = map(int, self._rows[at : at + 3])
+            found.append(self._input(tick, key, tuple(self._rows[at + 3 : at + 3 + count])))
+            at += 3 + count
+        return found
 
-    def _input(self, i: int) -> Input:
-        hand, number = divmod(self._keys[i], len(KINDS))
+    def _input(self, tick: int, key: int, numbers: tuple[float, ...]) -> Input:
+        hand, number = divmod(key, len(KINDS))
         kind = KINDS[number]
-        numbers = tuple(self._values[self._ends[i - 1] if i else 0 : self._ends[i]])
         value: Value
         if kind in WITHOUT_VALUE:
             value = None
@@ -167,7 +168,7 @@ class InputLog:
             value = TheoryChoice.of(self._theories[int(numbers[0])])
         else:
             value = numbers if kind in VECTORS or kind == "view" else numbers[0]
-        return Input(self._ticks[i], hand, kind, value)
+        return Input(tick, hand, kind, value)
 
     def _number(self, theory: Theory) -> float:
         self._theories.append(theory)

@@ -193,10 +193,14 @@ class Session:
     def lead_hands(self, steps: Mapping[int, Sequence[float]]) -> None:
         """Lead hands on by steps, (4,) mm: of the tip along the axes, and of the jaws' opening."""
         with self.lock:
-            for hand, (x, y, z, opened) in steps.items():
-                holder = self.spatial.hands[hand]
-                a, b, c = holder.target.tolist()
-                self._act(hand, "move", a + x, b + y, c + z)
+            if not self._takes("move"):
+                return
+            tissue = self.spatial
+            for hand, (*step, opened) in steps.items():
+                place = tissue.lead(hand, step, self._begin_run)
+                if place is not None:
+                    self.run.note(hand, "move", *place)
+                holder = tissue.hands[hand]
                 if opened and holder.instrument in JAWED:
                     self._act(hand, "open", holder.target_opening + opened)
 
@@ -277,19 +281,22 @@ class Session:
     def _act(self, hand: int, kind: InputKind, *values: float) -> Sequence[float] | None:
         """Apply an input and log it as it has acted; return that, or None if it did nothing."""
         with self.lock:
-            run = self.run
-            if kind in BY_SLIDER and run.hand_only:
-                return None
-            if run.over:
-                if run.closed and kind not in AFTER_RESULT:
-                    return None
-            elif run.exercise is not None and run.exercise.looks_only and kind not in LOOKS:
+            if not self._takes(kind):
                 return None
             applied = self.tissue.apply(hand, kind, values, self._begin_run)
             if applied is None:
                 return None
-            run.note(hand, applied[0], *applied[1])
+            self.run.note(hand, applied[0], *applied[1])
             return applied[1]
+
+    def _takes(self, kind: InputKind) -> bool:
+        """Return whether the run and its exercise take inputs of a kind now."""
+        run = self.run
+        if kind in BY_SLIDER and run.hand_only:
+            return False
+        if run.over:
+            return not run.closed or kind in AFTER_RESULT
+        return run.exercise is None or not run.exercise.looks_only or kind in LOOKS
 
     # Time and readings.
 

@@ -321,6 +321,7 @@ class SpatialTissue:
         self.hands = tuple(
             Hand(each, self.parking(hand, each)) for hand, each in enumerate(FIRST_INSTRUMENTS)
         )
+        self.rod_counts = 0, 0  # how many rods of the beam each hand's instrument is
         self.tears: list[RuptureCheck | None] = [None] * len(tubes.names)
         self.torn_elements = [-1] * len(tubes.names)  # of each tube, from 0
         self.nicked = [0.0] * len(tubes.names)  # how deep each is torn, of its height
@@ -388,14 +389,9 @@ class SpatialTissue:
         if not 0 <= hand < HANDS or not all(map(math.isfinite, values)):
             return None
         if kind == "move":
-            (x, y, z), (along, across, up) = values, self._reach
-            place = _within(x, along), _within(y, across), _within(z, up)
-            if [*place] == self.hands[hand].target.tolist():
-                return None
-            if self.rods_of(hand):  # it may part strands before a hand takes hold
-                begin()
-            self.move_hand(hand, place)
-            return "move", place
+            x, y, z = values
+            place = self._towards(hand, x, y, z, begin)
+            return None if place is None else ("move", place)
         if kind == "open":
             if self.hands[hand].instrument in JAWED:
                 begin()
@@ -440,6 +436,24 @@ class SpatialTissue:
                 self._forget_reading()
                 return "threshold", (wanted,)
         return None
+
+    def _towards(
+        self, hand: int, x: float, y: float, z: float, begin: Callable[[], bool]
+    ) -> Vector | None:
+        """Set where a hand's tip goes, within its reach; return that, or None where it is so."""
+        (a, b), (c, d), (e, f) = self._reach
+        place = min(max(x, a), b), min(max(y, c), d), min(max(z, e), f)
+        if [*place] == self.hands[hand].target.tolist():
+            return None
+        if self.rod_counts[hand]:  # it may part strands before a hand takes hold
+            begin()
+        self.move_hand(hand, place)
+        return place
+
+    def lead(self, hand: int, step: Sequence[float], begin: Callable[[], bool]) -> Vector | None:
+        """Lead a hand's tip on by a (3,) step, mm; return where it goes, or None as before."""
+        (a, b, c), (x, y, z) = self.hands[hand].target.tolist(), step
+        return self._towards(hand, a + x, b + y, c + z, begin)
 
     @property
     def instruments(self) -> tuple[Instrument, ...]:
@@ -626,6 +640,7 @@ class SpatialTissue:
         self._forget_reading()
         holder = self.hands[hand]
         holder.instrument = instrument
+        self.rod_counts = len(self.rods_of(0)), len(self.rods_of(1))
         holder.opening = holder.target_opening = 0.0
         holder.aim, holder.spread = TOWARDS_HAND.get(instrument, FROM_ABOVE), ALONG
         self._suction[hand] = 0.0
@@ -737,17 +752,16 @@ class SpatialTissue:
         return moved or bled
 
     def _advance(self) -> bool:
-        if self._still and all(hand.arrived for hand in self.hands):
+        a, b = self.hands
+        if self._still and a.arrived and b.arrived:
             return False
         self._forget_reading()
-        beam, hands = self.beam, self.hands
-        state = beam.state
-        a, b = hands
+        beam, state = self.beam, self.beam.state
         a.part_jaws()
         b.part_jaws()
         _LEAD(
             (a.place, b.place), (a.speed, b.speed), (a.target, b.target), self._nodes(),
-            (len(self.rods_of(0)), len(self.rods_of(1))), (_jaw_offset(a), _jaw_offset(b)),
+            self.rod_counts, (_jaw_offset(a), _jaw_offset(b)),
             (a.spread, b.spread), state.goal_to, state.rods_to, state.x, self._before,
         )  # fmt: skip
         before = self.stress_ratio
@@ -871,6 +885,8 @@ class SpatialTissue:
 
     def _bleed(self) -> bool:
         """Let fluids flow out of holes for a tick, and take them up; return whether any flows."""
+        if not self.fluids:
+            return False
         wanted = sum(self._suction) * TICK_SECONDS
         if wanted > 0.0:
             self.sucked_ml += min(wanted, self.pooled_ml())
@@ -902,6 +918,8 @@ class SpatialTissue:
     @property
     def torn(self) -> RuptureCheck | None:
         """Where and under what the first tube that tore has torn, or None."""
+        if not self.events:
+            return None
         tear = next((each for each in self.events if each.kind == "tear"), None)
         return None if tear is None else self.tears[self.tubes.names.index(tear.tube)]
 
@@ -1095,16 +1113,15 @@ class SpatialTissue:
         # three numbers.
         if self._forces is None:
             state, out = self.beam.state, np.empty((HANDS, 3))
-            rods = len(self.rods_of(0)), len(self.rods_of(1))
-            _FORCES(self._nodes(), rods, state.react, state.load, state.pull, out)
+            _FORCES(self._nodes(), self.rod_counts, state.react, state.load, state.pull, out)
             forces: list[list[float]] = out.tolist()
             self._forces = forces
         return self._forces
 
     def _nodes(self) -> tuple[int, int]:
         """Return the nodes that the hands hold, -1 for none."""
-        a, b = (hand.node for hand in self.hands)
-        return -1 if a is None else a, -1 if b is None else b
+        a, b = self.hands
+        return -1 if a.node is None else a.node, -1 if b.node is None else b.node
 
     def _forget_reading(self) -> None:
         self._whole = False
@@ -1215,11 +1232,6 @@ def _moved(before: tuple[float, ...], now: tuple[float, ...]) -> bool:
     far = math.sqrt(sum((a - b) ** 2 for a, b in zip(before[3:6], now[3:6], strict=True)))
     turned = max((abs(a - b) for a, b in zip(before[9:11], now[9:11], strict=True)), default=0.0)
     return far >= STEADY_MM or math.cos(turned) <= STEADY
-
-
-def _within(value: float, bounds: tuple[float, float]) -> float:
-    low, high = bounds
-    return low if value < low else min(value, high)
 
 
 def _vector(values: list[float]) -> Vector:
