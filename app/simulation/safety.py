@@ -17,6 +17,7 @@ from app.simulation.critical_view import ENOUGH, SOME, Closing, CriticalView, Pa
 from app.simulation.inputs import Structure
 from app.simulation.spatial_tissue import SpatialTissue
 from app.simulation.structures import LOWER_FRACTION, entering_tubes, named_structures
+from physics import RuptureCheck
 from physics.bed import BeamOnBed
 
 __all__ = ["Safety"]
@@ -82,7 +83,7 @@ class Safety:
         )
         self._triangle = self._inside(anatomy)
         self._all = {name: on(name, 0.0, tube.span) for name, tube in tubes.items()}
-        self._viewed: tuple[BeamOnBed, int, int] | None = None
+        self._viewed: tuple[BeamOnBed, int, list[RuptureCheck | None], int] | None = None
         self._view: CriticalView
         self.entering = entering
         """Each structure that enters the gallbladder, and the end of it that does."""
@@ -138,7 +139,8 @@ class Safety:
     def critical_view(self) -> CriticalView:
         """Return the critical view of safety as it is now."""
         tissue = self._tissue
-        now = tissue.beam, tissue.broken, len(tissue.events)  # nothing else changes it
+        # Nothing else changes it.
+        now = tissue.beam, tissue.beam.broken, tissue.tears.copy(), len(tissue.events)
         if now != self._viewed:
             self._viewed, self._view = now, self._looked()
         return self._view

@@ -123,6 +123,18 @@ def test_an_incident_is_one_opening_and_one_closing() -> None:
     assert incidents.cause() is None, "none in the last second"
 
 
+def test_a_stab_past_several_tubes_is_one_and_names_the_first() -> None:
+    incidents = Incidents(TISSUE, {})
+    for tube, speed in ((4, 90.0), (0, 120.0), (1, 100.0)):
+        incidents.tick += 1
+        incidents.note("blind_stab", 1, 8.0, speed, tube=tube, v=speed, what=f"tube {tube}")
+    (stab,) = incidents.all()
+    assert (stab.tube, stab.values) == (4, {"v": 120.0, "what": "tube 4"})
+    incidents.note("instrument_on_wall", 1, 8.0, tube=0)
+    incidents.note("instrument_on_wall", 1, 8.0, tube=1)
+    assert incidents.number == {"blind_stab": 1, "instrument_on_wall": 2}
+
+
 def test_the_cause_is_the_first_of_the_table_in_the_last_second() -> None:
     incidents = Incidents(TISSUE, {})
     incidents.tick = 60
