@@ -126,11 +126,8 @@ class InputLog:
 
     def __init__(self) -> None:
         self._rows = array("d")  # of each its tick, key and how many numbers, and these
-        self._count = self._last = 0  # how many, and where the last one begins
+        self.count = self._last = 0  # how many, and where the last one begins
         self._theories: list[Theory] = []
-
-    def __len__(self) -> int:
-        return self._count
 
     def note(self, tick: int, hand: int, kind: InputKind, *values: float | Theory) -> None:
         """Append an input; it may replace one of its hand and kind just before, in its tick."""
@@ -140,7 +137,7 @@ class InputLog:
         if rows and rows[last] == tick and rows[last + 1] == key and kind in REPLACED:
             del rows[last:]
         else:
-            self._count, self._last = self._count + 1, len(rows)
+            self.count, self._last = self.count + 1, len(rows)
         rows.extend((tick, key, len(values), *values))  # pyright: ignore[reportArgumentType]
 
     def inputs(self) -> list[Input]:

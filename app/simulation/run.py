@@ -71,7 +71,7 @@ class Run:
     @property
     def inputs(self) -> int:
         """How many inputs are logged; at most `MOST_INPUTS`."""
-        return len(self._log)
+        return self._log.count
 
     @property
     def seconds(self) -> float:
@@ -115,7 +115,7 @@ class Run:
         """Log an input; ignored before the start and once the run is over."""
         if self._start is None or self._over:
             return
-        if len(self._log) >= MOST_INPUTS:
+        if self._log.count >= MOST_INPUTS:
             self.finish()
             return
         self._log.note(self._recorder.ticks, hand, kind, *values)

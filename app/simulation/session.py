@@ -51,7 +51,7 @@ from app.simulation.run_file import (
     RunLog,
     strands_digest,
 )
-from app.simulation.spatial_tissue import JAWED, HandContact, SpatialTissue
+from app.simulation.spatial_tissue import HandContact, SpatialTissue
 from app.simulation.specimen import Specimen
 from app.simulation.tissue import Tissue
 from organ_geometry import Organ
@@ -196,13 +196,12 @@ class Session:
             if not self._takes("move"):
                 return
             tissue = self.spatial
-            for hand, (*step, opened) in steps.items():
-                place = tissue.lead(hand, step, self._begin_run)
+            for hand, step in steps.items():
+                place, opened = tissue.lead(hand, step, self._begin_run)
                 if place is not None:
                     self.run.note(hand, "move", *place)
-                holder = tissue.hands[hand]
-                if opened and holder.instrument in JAWED:
-                    self._act(hand, "open", holder.target_opening + opened)
+                if opened is not None:
+                    self.run.note(hand, opened[0], *opened[1])
 
     def lift(self, deflection: float, hand: int = 0) -> None:
         """Lead the hand that holds a duct in a plane to a deflection of the grasp, mm.

@@ -390,7 +390,8 @@ class SpatialTissue:
             return None
         if kind == "move":
             x, y, z = values
-            place = self._towards(hand, x, y, z, begin)
+            before: list[float] = self.hands[hand].target.tolist()
+            place = self._towards(hand, x, y, z, before, begin)
             return None if place is None else ("move", place)
         if kind == "open":
             if self.hands[hand].instrument in JAWED:
@@ -438,22 +439,42 @@ class SpatialTissue:
         return None
 
     def _towards(
-        self, hand: int, x: float, y: float, z: float, begin: Callable[[], bool]
+        self,
+        hand: int,
+        x: float,
+        y: float,
+        z: float,
+        before: list[float],
+        begin: Callable[[], bool],
     ) -> Vector | None:
-        """Set where a hand's tip goes, within its reach; return that, or None where it is so."""
+        """Set where a hand's tip goes, within its reach; return that, or None as it was before."""
         (a, b), (c, d), (e, f) = self._reach
         place = min(max(x, a), b), min(max(y, c), d), min(max(z, e), f)
-        if [*place] == self.hands[hand].target.tolist():
+        if [*place] == before:
             return None
         if self.rod_counts[hand]:  # it may part strands before a hand takes hold
             begin()
         self.move_hand(hand, place)
         return place
 
-    def lead(self, hand: int, step: Sequence[float], begin: Callable[[], bool]) -> Vector | None:
-        """Lead a hand's tip on by a (3,) step, mm; return where it goes, or None as before."""
-        (a, b, c), (x, y, z) = self.hands[hand].target.tolist(), step
-        return self._towards(hand, a + x, b + y, c + z, begin)
+    def lead(
+        self, hand: int, step: Sequence[float], begin: Callable[[], bool]
+    ) -> tuple[Vector | None, Applied | None]:
+        """Lead a hand on by a (4,) step, mm, of its tip and of its jaws' opening.
+
+        Returns
+        -------
+        tuple[Vector | None, Applied | None]
+            Where the tip goes, and the input that opens jaws; None of what stays as it was.
+        """
+        x, y, z, opened = step
+        before: list[float] = self.hands[hand].target.tolist()
+        place = self._towards(hand, before[0] + x, before[1] + y, before[2] + z, before, begin)
+        holder = self.hands[hand]
+        if not opened or holder.instrument not in JAWED:
+            return place, None
+        begin()
+        return place, self._open(hand, holder.target_opening + opened)
 
     @property
     def instruments(self) -> tuple[Instrument, ...]:
