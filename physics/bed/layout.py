@@ -318,7 +318,7 @@ def shapes(rest: Rest, rods: int = 0, relaxation: Relaxing = AT_ONCE) -> Shapes:
     strands, walls = (int(each is not None) for each in relaxation)
     nodes, count, elements = rest.stations.size, rest.strands.count, len(rest.ends)
     solid = 0 if rest.fibres is None else elements
-    three, six, diagonal = (nodes, 3), (nodes, 6), (nodes, 6, 6)
+    three, six, diagonal, most = (nodes, 3), (nodes, 6), (nodes, 6, 6), rest.most_at_a_node
     block = (rest.elimination.columns.size, 6, 6)
     swept, touched, at_rods = (rods, kernels.ROD_ROWS), (rods, count), (rods, 3)
     sizes: dict[str, tuple[int, ...]] = {
@@ -344,7 +344,7 @@ def shapes(rest: Rest, rods: int = 0, relaxation: Relaxing = AT_ONCE) -> Shapes:
         "damage_ahead": (count,), "branch": (2, branches, 5),
         "memory": (kernels.SPRING + branches, strands * count),
         "wall_memory": (kernels.OVER + branches, walls * 6 * elements), "sums": (kernels.SUM_ROWS,),
-        "pulling": (2 * rest.most_at_a_node, 12), "which": (rest.most_at_a_node,),
+        "pulling": (2 * most, 12), "which": (most,),
     }  # fmt: skip
     types: dict[str, Any] = dict.fromkeys(WHOLE_NUMBERS, np.int64)
     types |= dict.fromkeys(SMALL_NUMBERS, np.int8)
