@@ -28,6 +28,7 @@ from physics.bed.kernels import SHAFT, TIP
 __all__ = ["ErrorFinder"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Bytes = NDArray[np.int8]
 Span = tuple[float, float]
 
@@ -133,6 +134,9 @@ class ErrorFinder:
         for i in range(HANDS):
             self._start_way(i)
         self._pace = Pace(self.incidents)
+        nodes = [duct.beam.nodes_of(name) for name in tubes]  # of all tubes one after the other
+        self._nodes = np.concatenate(nodes)
+        self._firsts = np.cumsum([0, *(each.size for each in nodes)])
         self._torn = False  # whether a tube tore in this tick
         self._nicked = list(duct.nicked)
 
@@ -430,7 +434,11 @@ class ErrorFinder:
                 )  # fmt: skip
         press, on_wall = row[PRESS], limits["instrument_on_wall"]
         if press > on_wall["least"]:
-            tube, node = self._pressed(i)
+            state, last = beam.state, 2 * i + duct.rod_counts[i]
+            pressed: tuple[int, int] = _DEEPEST(
+                state.x, state.thick, state.rods, 2 * i, last, self._nodes, self._firsts
+            )
+            tube, node = pressed
             stress = press * duct.tubes.press_stresses[tube][node]
             if stress > on_wall["part"] * duct.strengths[tube]:
                 station = float(beam.stations_of(duct.tubes.names[tube])[node])
@@ -440,24 +448,6 @@ class ErrorFinder:
                 )  # fmt: skip
         if parted and tool == "dissector":
             self._judge_sweep(i, watch, parted)
-
-    def _pressed(self, i: int) -> tuple[int, int]:
-        """Return the tube whose wall a hand's jaws are deepest in, and the node along it."""
-        beam, away = self._duct.beam, math.inf
-        gaps = np.full(len(beam.places), away)
-        for rod in self._duct.rods_of(i):
-            row = beam.state.rods[rod]
-            out, along = beam.places - row[TIP : TIP + 3], row[SHAFT : SHAFT + 3]
-            out -= np.maximum(out @ along, 0.0)[:, None] * along
-            np.minimum(gaps, np.sqrt((out**2).sum(axis=1)), out=gaps)
-        gaps -= beam.state.thick[:, 0]
-        nodes = [int(gaps[beam.nodes_of(name)].argmin()) for name in self._duct.tubes.names]
-        deepest = [
-            float(gaps[beam.nodes_of(name)][node])
-            for name, node in zip(self._duct.tubes.names, nodes, strict=True)
-        ]
-        tube = deepest.index(min(deepest))
-        return tube, nodes[tube]
 
     def _judge_sweep(self, i: int, watch: _Watch, parted: int) -> None:
         """Judge what parts on jaws that do not open: how far they go, and whether to and fro."""
@@ -672,6 +662,28 @@ def _look(
 
 
 @kernel()
+def _deepest(
+    places: Floats, thick: Floats, rods: Floats, first: int, last: int, nodes: Ints, firsts: Ints
+) -> tuple[int, int]:
+    """Return the tube whose wall some rods are deepest in, and the node along it."""
+    least, tube, found = np.inf, 0, 0
+    for k in range(firsts.size - 1):
+        for j in range(firsts[k], firsts[k + 1]):
+            n, gap = nodes[j], np.inf
+            for m in range(first, last):
+                x, y, z = rods[m, SHAFT], rods[m, SHAFT + 1], rods[m, SHAFT + 2]
+                a = places[n, 0] - rods[m, TIP]
+                b = places[n, 1] - rods[m, TIP + 1]
+                c = places[n, 2] - rods[m, TIP + 2]
+                along = max(a * x + b * y + c * z, 0.0)
+                gap = min(gap, _norm(a - along * x, b - along * y, c - along * z))
+            gap -= thick[n, 0]
+            if gap < least:
+                least, tube, found = gap, k, j - firsts[k]
+    return tube, found
+
+
+@kernel()
 def _hiding(places: Floats, thick: Floats, least: float, tip: Floats, towards: Floats) -> int:
     """Return the first node that hides a tip from the viewer, -1 for none."""
     # The line from the tip towards the viewer passes within the outer radius there, or within
@@ -687,4 +699,4 @@ def _hiding(places: Floats, thick: Floats, least: float, tip: Floats, towards: F
     return -1
 
 
-_LOOK = SameTypes(_look)
+_LOOK, _DEEPEST = SameTypes(_look), SameTypes(_deepest)
