@@ -124,6 +124,7 @@ class ErrorFinder:
             limits,
         )
         self._most_fraction = ratio or 1.0
+        self._least_pull = self.incidents.limits["ahead_of_front"]["pull"]
         self._watches = [_Watch(hand) for hand in duct.hands]
         self._damage = duct.beam.state.damage.copy()
         # Of each hand: its way, oldest first; presses of the last ticks, N; where it last turned,
@@ -523,7 +524,7 @@ class ErrorFinder:
             down = row[HIGHEST] - float(hand.place[2])
             if most > lost["pull"] and size < lost["part"] * most and down > lost["down"]:
                 incidents.note("traction_lost", i, at, -size, most=most, f=size)
-        if size <= limits["ahead_of_front"]["pull"]:
+        if size <= self._least_pull:
             return
         # What holds an anatomy's tubes has no one front.
         if not self._several:
@@ -539,14 +540,13 @@ class ErrorFinder:
 
     def _judge_pace(self, seen: list[list[float]], *, parted: bool) -> None:
         """Judge how fast the wall is loaded, by the hand whose motion does most work on it."""
-        work = [row[WORK] for row in seen]
-        i = work.index(max(work))
-        size, speed = seen[i][SIZE], seen[i][PULL_SPEED]
+        i = int(seen[1][WORK] > seen[0][WORK])
+        size, work, speed = seen[i][SIZE], seen[i][WORK], seen[i][PULL_SPEED]
         # What jaws and swabs press is an error of its own.
         held = self._duct.hands[i].node is not None
-        if not held or size <= self.incidents.limits["ahead_of_front"]["pull"]:
+        if not held or size <= self._least_pull:
             return
-        if work[i] > size * LEAST_SPEED * PULL_TICKS * TICK_SECONDS:
+        if work > size * LEAST_SPEED * PULL_TICKS * TICK_SECONDS:
             self._pace.judge(i, self._watches[i].held_at, speed, parted=parted)
 
     def _judge_lean(self, i: int, watch: _Watch, pull: list[float]) -> None:
