@@ -355,9 +355,9 @@ class TrainerPage:
         self.page.get_by_role("option", name=option, exact=True).click()
 
     def tick(self, label: str) -> None:
-        """Tick or untick a checkbox."""
-        row = self.row(label)
-        row.locator("input[type=checkbox]").click()
+        """Tick or untick a checkbox; a click that does not change it is an error at once."""
+        box = self.row(label).locator("input[type=checkbox]")
+        box.set_checked(not box.is_checked())
 
     def slider(self, label: str) -> float:
         """What a slider's number field shows."""

@@ -51,6 +51,13 @@ class HandsBox:
     def add_lower(self, gui: viser.GuiApi) -> None:
         """Add what lets hands go, and leads drags into the picture."""
         state = self._state
+        # Above the buttons that come and go: it does not move from under a pointer.
+        self._depth = gui.add_checkbox(
+            "Into the picture",
+            initial_value=state.into_picture,
+            hint="For fingers: as with Shift or the right button, up is away from you",
+        )
+        on_input(self._depth, lambda value: state.show(into_picture=value is True))
         self._release = [
             gui.add_button(
                 f"{name}: let go",
@@ -61,12 +68,6 @@ class HandsBox:
             )
             for name in HANDS
         ]
-        self._depth = gui.add_checkbox(
-            "Into the picture",
-            initial_value=state.into_picture,
-            hint="For fingers: as with Shift or the right button, up is away from you",
-        )
-        on_input(self._depth, lambda value: state.show(into_picture=value is True))
         for hand, button in enumerate(self._release):
             on_click(button, partial(state.let_go, hand))
 
