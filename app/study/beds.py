@@ -91,7 +91,9 @@ def _lifted(plan: Plan, words: dict[str, str], one: Block) -> dict[str, float]:
     organ = plan.organ(words["organ"]) if "organ" in words else None
     preset = plan.preset(words.get("preset", THESIS_PRESET if organ is None else ASSUMED_PRESET))
     if "law" in words:
-        preset = msgspec.structs.replace(preset, law=words["law"].removesuffix(" with shear"))
+        law = words["law"].removesuffix(" with shear")
+        constant = numbers["stiffening"] if law == "exponential" else None
+        preset = msgspec.structs.replace(preset, law=law, stiffening=constant)
     elements = int(of_bed.get("elements", ELEMENTS))
     hook = of_bed.get("hook_mm")
     specimen = Specimen.of_sections(

@@ -21,7 +21,7 @@ from app.simulation import (
 )
 from app.study.plan import Plan
 from organ_geometry import Organ
-from physics import Beam, Cubic, Exact, Linear, NeoHooke, Theory, VaryingBeam, theory_named
+from physics import Beam, Exact, Theory, VaryingBeam, law_named, theory_named
 from physics.many import Beams, Ducts, SolvedDucts, solve_many
 
 __all__ = [
@@ -135,19 +135,23 @@ def _named(found: SolvedDucts, thresholds: Row, *, by_force: bool) -> Outputs:
 
 
 def _theories(words: dict[str, str], block: Block) -> Iterator[tuple[Theory, NDArray[np.int64]]]:
-    """Give the theories of ducts with the same words, which differ by q only."""
-    name = words.get("theory", "exact")
-    law = words.get("law", "linear")
-    everywhere = np.arange(block.count)
-    if name == "cubic" and "q" in block.numbers:
-        values, which = np.unique(block.numbers["q"], return_inverse=True)
-        for k, q in enumerate(values.tolist()):
-            yield Cubic(q=q), np.flatnonzero(which == k)
-    elif name == "exact":
-        laws = {"linear": Linear(), "linear with shear": Linear(shear=True)}
-        yield Exact(laws.get(law, NeoHooke())), everywhere
-    else:
-        yield theory_named(name), everywhere
+    """Give the theories of ducts with the same words, which differ by one constant at most."""
+    name, law = words.get("theory", "exact"), words.get("law", "linear")
+    constant = {"cubic": "q", "exact": "stiffening" if law == "exponential" else ""}.get(name, "")
+    if constant not in block.numbers:
+        yield _theory(name, law, None), np.arange(block.count)
+        return
+    values, which = np.unique(block.numbers[constant], return_inverse=True)
+    for k, value in enumerate(values.tolist()):
+        yield _theory(name, law, value), np.flatnonzero(which == k)
+
+
+def _theory(name: str, law: str, constant: float | None) -> Theory:
+    """Return a theory by its name, the exact one with a law; q or the law's stiffening if given."""
+    if name != "exact":
+        return theory_named(name, q=constant)
+    plain = law.removesuffix(" with shear")
+    return Exact(law_named(plain, shear=plain != law, stiffening=constant))
 
 
 def _set_up(

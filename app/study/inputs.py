@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from app.simulation import LIMITS
+from physics.exact import MOST_STIFFENING
 
 __all__ = [
     "ANATOMY",
@@ -61,7 +62,8 @@ DUCT_INPUTS: dict[str, Input] = {
     "preset": Input(),
     "organ": Input(),
     "theory": Input(words=("cubic", "string", "exact", "fem", "mass-spring")),
-    "law": Input(words=("linear", "linear with shear", "neo-hooke")),
+    "law": Input(words=("linear", "linear with shear", "neo-hooke", "exponential")),
+    "stiffening": Input("", 0.0, MOST_STIFFENING),
     "q": Input("", 0.0, 2.0),
     **{name: _limited(name) for name in LIMITS if not name.endswith("_factor")},
     "grasp_mm": Input("mm", 1e-3, 1e4),
@@ -69,7 +71,7 @@ DUCT_INPUTS: dict[str, Input] = {
     "force_N": Input("N", -1e6, 1e6),
     "deflection_mm": Input("mm", -1e4, 1e4),
 }
-"""Of the duct and its pull; law belongs to the exact theory and q to the cubic one."""
+"""Of the duct and its pull; law and its stiffening belong to the exact theory, q to the cubic."""
 
 BED_INPUTS: dict[str, Input] = {
     "bed.name": Input(words=("normal", "loose", "firm", "inflamed", "scar")),

@@ -430,6 +430,8 @@ def _check_whole(plan: Plan, lines: _Lines) -> None:
     )
     refuse(("bed.toughness_J_per_m2", "bed.stiffness_kPa_per_mm"), "give strength and stiffness")
     refuse(("bed.yield_mm", "bed.stiffness_kPa_per_mm"), "yield_mm is strength over stiffness")
+    if "exponential" in plan.values_of("law") and "stiffening" not in given:
+        raise lines.wrong(_place(plan, "law"), "exponential needs stiffening, its constant beta")
     if "organ" in given:
         refuse(("organ", "diameter_mm"), "an organ has its own sections")
     if plan.has_bed:

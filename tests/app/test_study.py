@@ -23,7 +23,7 @@ from app.study.plan import read_plan
 from app.study.report import TearCurve
 from app.study.sampling import drawn_columns, draws
 from app.study.sensitivity import sobol_indices
-from physics import Beam, Cubic, Exact, ExactPull, break_of
+from physics import Beam, Cubic, Exact, ExactPull, Exponential, break_of
 
 PLAN = """\
 samples = {samples}
@@ -319,6 +319,41 @@ def test_beds_and_organs_are_varied_too(tmp_path: Path) -> None:
     assert table["fault"] == [None, None]
     printed = run("study", "report", tmp_path / "bed").stdout
     assert printed.count("0.0 % of ducts break before the pull ends.") == 2
+
+
+@pytest.mark.parametrize("bed", [False, True])
+def test_an_exponential_wall_breaks_as_solve_says_and_stiffens_in_its_bed(
+    bed: bool, tmp_path: Path
+) -> None:
+    plan = tmp_path / "plan.toml"
+    where = "[bed]\nlift_mm = 3\nsteps = 6\nelements = 16\nstrands = 60\n" if bed else ""
+    text = (
+        f'samples = 1\n[duct]\npreset = "thesis-bile-duct"\nlaw = "exponential"\n{where}'
+        "[inputs.stiffening]\ngrid = [0, 2.5]\n"
+        "[inputs.break_stress_MPa]\ngrid = [0.1, 0.3]\n"
+    )
+    plan.write_text(text)
+    assert run("study", plan, "-o", tmp_path / "r", "--workers", 1).returncode == 0
+    table = pq.read_table(tmp_path / "r" / "results.parquet").to_pylist()
+    assert len(table) == 4
+    for row in table:
+        assert row["fault"] is None
+    if bed:
+        force = {
+            (row["stiffening"], row["break_stress_MPa"]): row["largest_force_N"] for row in table
+        }
+        assert force[2.5, 0.3] > force[0.0, 0.3] > 0.0
+    else:
+        for row in table:
+            pull = Exact(Exponential(row["stiffening"])).pull(
+                preset_named("thesis-bile-duct").round_beam(), 25.4
+            )
+            event = break_of(pull, row["break_stress_MPa"])
+            assert event is not None
+            assert row["break_force_N"] == pytest.approx(event.force, rel=1e-6)
+    plan.write_text(text.replace("[inputs.stiffening]\ngrid = [0, 2.5]\n", ""))
+    message = refused(["study", plan, "-o", tmp_path / "none"])
+    assert "duct.law exponential needs stiffening" in message
 
 
 def test_ducts_are_lifted_to_a_distance_to_break_and_held_while_they_relax(tmp_path: Path) -> None:
