@@ -9,6 +9,7 @@ import msgspec
 import msgspec.inspect
 
 from app.older_keys import with_present_keys
+from app.toml_lines import TomlLines
 
 __all__ = ["decoded", "read_bounded"]
 
@@ -66,36 +67,16 @@ def _with_line(fault: str, content: bytes | str) -> str:
     found = re.fullmatch(r"(.*?) - at `([^`]*)`(?: - at `[^`]*`)?", fault, re.DOTALL)
     if found is None:
         return fault
-    message, path = found[1], found[2]
-    keys = re.findall(r"\w+", path)
-    own = next((key for key in reversed(keys) if not key.isdecimal()), "")
+    message = found[1]
+    path = [int(step) if step.isdecimal() else step for step in re.findall(r"\w+", found[2])]
+    own = next((step for step in reversed(path) if isinstance(step, str)), "")
     # A field that is not known, or the one that a sentence begins with.
     named = re.search(r"unknown field `(\w+)`", message) or re.search(r": (\w+)", message)
     text = content if isinstance(content, str) else content.decode()
-    line = _line_of([*keys, *([named[1]] if named else [])], text.splitlines())
+    line = TomlLines(text).line_of(*path, *([named[1]] if named else [])) or 1
     # Our own sentences name the field; msgspec's do not.
     field = f" in {own}" if re.search(r": (Expected|Invalid) ", message) else ""
     return f"{message}{field} (line {line})"
-
-
-def _line_of(keys: list[str], lines: list[str]) -> int:
-    """Return the line of what a path of tables, places and keys leads to, as near as it goes."""
-    at, rest = 0, keys
-    if len(keys) > 1 and keys[1].isdecimal():
-        heads = [i for i, line in enumerate(lines) if line.strip().startswith(f"[[{keys[0]}]]")]
-        at, rest = heads[int(keys[1])] if int(keys[1]) < len(heads) else 0, keys[2:]
-    for key in rest:
-        start = at
-        for i in range(at, len(lines)):
-            line = lines[i].strip()
-            if i > start and line.startswith("[["):
-                break
-            if re.match(rf"({key}\s*=|\[(\w+\.)*{key}\])", line) or re.search(
-                rf"[{{,]\s*{key}\s*=", line
-            ):
-                at = i
-                break
-    return at + 1
 
 
 def _types_at(there: Any, path: str) -> list[Any]:

@@ -1,5 +1,6 @@
 """Anatomy files: read with errors that name line and tube, checked, and written (TOML)."""
 
+import contextlib
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -14,6 +15,7 @@ from app.anatomy.tables import Anatomy, JoinTable, LayerTable, Place, TableError
 from app.anatomy.tube_organ import ORGAN_SUFFIX, check_organs, with_organs
 from app.bed_preset import bed_presets
 from app.bounded_file import decoded, read_bounded
+from app.toml_lines import TomlLines
 from assets import ANATOMIES
 
 __all__ = ["anatomy_named", "anatomy_toml", "checked", "read_anatomy", "shipped_anatomies"]
@@ -36,7 +38,6 @@ MOST_STRANDS, MOST_SEED = 200_000, 2**31
 
 _RIGID = 1e-3
 
-_HEADER = re.compile(r"\s*\[\[?\s*(\w+)\s*\]\]?")
 _PATH = re.compile(r"^(.*) - at `\$((?:\.\w+)?)(?:\[(\d+)\])?(?:\.(\w+))?.*`$")
 _UNKNOWN_FIELD = re.compile(r"unknown field `(\w+)`")
 
@@ -286,53 +287,18 @@ def _located(path: Path, content: bytes, message: str) -> str:
         return f"{path}: {message}"
     what, table, number, field = found.groups()
     unknown = _UNKNOWN_FIELD.search(what)
-    if unknown is not None:
-        field = unknown[1]
-    table = table.removeprefix(".")
-    index = int(number or 0)
-    named = ""
-    if table == "tube":
-        name = re.search(
-            r'^\s*name\s*=\s*["\'](.*?)["\']', "\n".join(_rows(content, table, index)), re.M
-        )
-        named = f"tube {name[1]!r}: " if name else f"tube {index + 1}: "
-    elif table:
-        named = f"{table} {index + 1}: "
     at = "" if field is None or unknown is not None else f" in {field}"
+    table, index = table.removeprefix("."), int(number or 0)
+    named = f"{table} {index + 1}: " if table else ""
+    if table == "tube":
+        with contextlib.suppress(LookupError, TypeError):
+            named = f"tube {msgspec.toml.decode(content)['tube'][index]['name']!r}: "
+    field = field if unknown is None else unknown[1]
     return f"{path}{_line_of(content, table, index, field)}: {named}{what}{at}"
 
 
-def _rows(content: bytes, table: str, number: int) -> list[str]:
-    """Return the lines of a file's table, from its header on."""
-    lines = content.decode(errors="replace").splitlines()
-    first = _first_row(lines, table, number)
-    if first is None:
-        return []
-    after = range(first + 1, len(lines))
-    end = next((place for place in after if _HEADER.match(lines[place])), len(lines))
-    return lines[first:end]
-
-
-def _first_row(lines: list[str], table: str, number: int) -> int | None:
-    """Return where a table's header is, of no table the first line; None if there is none."""
-    if not table:
-        return 0
-    mine = [
-        place
-        for place, line in enumerate(lines)
-        if _HEADER.match(line) and line.partition("#")[0].strip().strip("[] ") == table
-    ]
-    return mine[number] if number < len(mine) else None
-
-
 def _line_of(content: bytes, table: str, number: int, field: str | None) -> str:
-    """Return ", line N" of a field, or of its table's header; nothing where it is not found."""
-    rows = _rows(content, table, number)
-    if not rows:
-        return ""
-    first = _first_row(content.decode(errors="replace").splitlines(), table, number) or 0
-    offset = 0
-    if field is not None:
-        key = re.compile(rf"\s*{re.escape(field)}\s*=")
-        offset = next((place for place, line in enumerate(rows) if key.match(line)), 0)
-    return f", line {first + offset + 1}"
+    """Return ", line N" of a field, or of the nearest table that holds it."""
+    steps = (*((table, number) if table else ()), *(() if field is None else (field,)))
+    line = TomlLines(content.decode()).line_of(*steps)
+    return "" if line is None else f", line {line}"

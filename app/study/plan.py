@@ -3,7 +3,6 @@
 """A study's plan: what is fixed, what is drawn from distributions, what is compared on a grid."""
 
 import math
-import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -28,6 +27,7 @@ from app.study.inputs import (
     INPUTS,
     Input,
 )
+from app.toml_lines import TomlLines
 from organ_geometry import Organ, organ_from_bytes
 
 __all__ = ["Plan", "Sampling", "Value", "read_plan"]
@@ -139,27 +139,16 @@ def _preset(content: bytes, name: str) -> Preset:
 
 
 class _Lines:
-    """Where keys stand in a TOML file, for messages."""
+    """Errors of a plan's keys, with their lines."""
 
     def __init__(self, name: str, text: str) -> None:
-        self.name = name
-        self._lines: dict[str, int] = {}
-        table = ""
-        for number, line in enumerate(text.splitlines(), 1):
-            if header := re.match(r"\s*\[{1,2}([^\]]+)\]", line):
-                table = re.sub(r"[\s\"']", "", header[1])
-                self._lines.setdefault(table, number)
-            elif key := re.match(r"\s*([\w.\"'-]+)\s*=", line):
-                name = re.sub(r"[\"']", "", key[1])
-                self._lines.setdefault(f"{table}.{name}" if table else name, number)
+        self.name, self._lines = name, TomlLines(text)
 
     def wrong(self, key: str, why: str) -> ValueError:
         """Return the error of a key, with its line or that of the table it is in."""
-        place = key
-        while place and place not in self._lines:
-            place = place.rpartition(".")[0]
-        line = f", line {self._lines[place]}" if place else ""
-        return ValueError(f"{self.name}{line}: {key} {why}")
+        line = self._lines.line_of(*key.split("."))
+        place = "" if line is None else f", line {line}"
+        return ValueError(f"{self.name}{place}: {key} {why}")
 
 
 def read_plan(path: Path, *, files: bool = True) -> Plan:
