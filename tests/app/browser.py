@@ -193,6 +193,7 @@ def trainer_page(
         page.goto(f"{address}/?fixedDpr={dots:g}{query}")
         trainer = TrainerPage(page)
         trainer.wait_for_path(node)  # it may be compiling yet
+        page.locator("#bd-cover").wait_for(state="detached")
         if not first_minute:
             trainer.start()
         yield trainer

@@ -14,7 +14,7 @@ from typing import Any, cast
 import cv2
 import numpy as np
 import pytest
-from browser import TrainerPage, scene_of, stands_still, trainer_page
+from browser import PATIENCE, TrainerPage, scene_of, stands_still, trainer_page
 from browser import newest as newest_view
 from playwright.sync_api import Browser, expect
 from program import ENTRY, LONGEST, command, free_port, refused, started
@@ -379,6 +379,28 @@ def test_trainer_refuses(arguments: tuple[object, ...], words: str) -> None:
     assert words in refused(("trainer", *arguments))
 
 
+def test_a_page_is_covered_until_its_scene_is_ready(
+    browser: Browser, trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready = threading.Event()
+    monkeypatch.setattr(trainer.warm_up, "wait", lambda _: ready.wait())
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    try:
+        page.goto(trainer.address)
+        expect(page.get_by_text("Preparing the tissue.")).to_be_visible(timeout=PATIENCE)
+        expect(page.get_by_text("not a medical device")).to_be_visible()
+        on_top = "at => document.elementFromPoint(...at).closest('#bd-cover') !== null"
+        page.get_by_text("Connected").wait_for()  # viser's own panel lies below
+        for at in ((5, 5), (1200, 60), (640, 400), (1275, 795)):
+            assert page.evaluate(on_top, at)
+        ready.set()
+        page.get_by_role("dialog").wait_for(timeout=PATIENCE)
+        page.locator("#bd-cover").wait_for(state="detached")
+    finally:
+        ready.set()
+        page.close()
+
+
 @pytest.mark.parametrize("answers", [True, False])
 def test_a_tab_that_closes_while_it_connects_leaves_nothing(
     trainer: Trainer, monkeypatch: pytest.MonkeyPatch, answers: bool
@@ -392,7 +414,8 @@ def test_a_tab_that_closes_while_it_connects_leaves_nothing(
 
     monkeypatch.setattr(server, "PageView", made)
     monkeypatch.setattr(trainer._server, "get_clients", lambda: there)
-    monkeypatch.setattr(server, "prepare_page", lambda _: None)
+    for unseen in ("prepare_page", "cover_page", "uncover_page"):
+        monkeypatch.setattr(server, unseen, lambda *_, **__: None)
     monkeypatch.setattr(server, "kept_by_tab", lambda _: None)
     monkeypatch.setattr(server, "asked_by_address", lambda *_: None)
     tokens: list[str] = []

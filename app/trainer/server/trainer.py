@@ -30,9 +30,10 @@ from app.trainer.client.beside import StartCompanion
 from app.trainer.client.haptic_hand import HapticHand, setting_of
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import OLDER_NAMES, SCENES, Practice, SceneName
-from app.trainer.client.workers import EXPORT_VERTICES, Workers, explained
+from app.trainer.client.workers import EXPORT_VERTICES, Workers
 from app.trainer.connections.bounds import Bounds, Connections, PageConnection, socket_options
 from app.trainer.connections.guard import Guard
+from app.trainer.panel.frame import DISCLAIMER
 from app.trainer.panel.help import SEEN, show_first_minute
 from app.trainer.server.fixed_rate_timer import FixedRateTimer
 from app.trainer.server.frame_budget import FrameBudget
@@ -42,7 +43,14 @@ from app.trainer.stage.camera import OVERVIEW
 from app.trainer.stage.lighting import LookChoice
 from app.trainer.view.page_view import PageView
 from app.trainer.viser_bridge.fast_transport import wakes_once
-from app.trainer.viser_bridge.page import asked_by_address, kept_by_tab, prepare_page, tab_keeps
+from app.trainer.viser_bridge.page import (
+    asked_by_address,
+    cover_page,
+    kept_by_tab,
+    prepare_page,
+    tab_keeps,
+    uncover_page,
+)
 from app.trainer.viser_bridge.private_api import (
     close_page,
     connection_of,
@@ -65,6 +73,12 @@ EXPIRY_SECONDS = 10.0
 """s between two searches for sessions that have expired."""
 # s that a browser may take to send its stored token.
 STORAGE_SECONDS = 1.0
+PREPARING = (
+    "Blunt-dissection trainer",
+    "Preparing the tissue. On a first start this takes some minutes, later a few seconds.",
+    DISCLAIMER,
+)
+"""What a page shows until its scene is ready."""
 LOST = (
     "The one that this page had is gone: the trainer was started anew, or the page was away for "
     "more than ten minutes."
@@ -291,45 +305,46 @@ class Trainer:
     def _connect(self, client: viser.ClientHandle) -> None:
         number = client.client_id
         try:
-            with explained(client, "Preparing your duct, on a first start for minutes."):
-                prepare_page(client)
-                before = kept_by_tab(client)
-                if number not in self._server.get_clients():
-                    return  # it has left without an answer
-                lost = before is not None and before not in self._kept
-                token, practice = self._kept.claim(before)
-                tab_keeps(client, token)
-                watched, on_page_ready = self._of_class(client)
-                if watched is not None:
-                    practice.scene = watched.scene
-                elif practice.scene is None:
-                    practice.scene = _asked_scene(client) or self._scene
-                self.warm_up.wait(practice.scene)
-                # One page at a time: many that open together would leave no time to the clock.
-                with self._making:
-                    view = PageView(
-                        client,
-                        practice,
-                        self._workers,
-                        self._look,
-                        exercise_inputs=self._exercise_inputs,
-                        policy=self._policy,
-                        ready=self.warm_up.wait,
-                        on_page_ready=on_page_ready,
-                    )
-                if watched is not None:
-                    watched.begin(view)
-                elif self._replay is not None:
-                    view.replay(self._replay)
-                elif lost:
-                    client.add_notification("A new duct", LOST, color="yellow")
-                elif token != before and not _seen(client):
-                    show_first_minute(client, view.session)
+            prepare_page(client)
+            cover_page(client, PREPARING, waits=True)
+            before = kept_by_tab(client)
+            if number not in self._server.get_clients():
+                return  # it has left without an answer
+            lost = before is not None and before not in self._kept
+            token, practice = self._kept.claim(before)
+            tab_keeps(client, token)
+            watched, on_page_ready = self._of_class(client)
+            if watched is not None:
+                practice.scene = watched.scene
+            elif practice.scene is None:
+                practice.scene = _asked_scene(client) or self._scene
+            self.warm_up.wait(practice.scene)
+            # One page at a time: many that open together would leave no time to the clock.
+            with self._making:
+                view = PageView(
+                    client,
+                    practice,
+                    self._workers,
+                    self._look,
+                    exercise_inputs=self._exercise_inputs,
+                    policy=self._policy,
+                    ready=self.warm_up.wait,
+                    on_page_ready=on_page_ready,
+                )
+            if watched is not None:
+                watched.begin(view)
+            elif self._replay is not None:
+                view.replay(self._replay)
+            elif lost:
+                client.add_notification("A new duct", LOST, color="yellow")
+            elif token != before and not _seen(client):
+                show_first_minute(client, view.session)
+            uncover_page(client)
         except TimeoutError:
             close_page(self._server, number, "a page that does not answer")
             return
         except SessionsFullError as full:
-            client.add_notification("No free place", f"{full}.", color="yellow")
+            cover_page(client, ("No free place", f"{full}."), waits=False)
             return
         except Exception:
             if number in self._server.get_clients():

@@ -12,6 +12,27 @@ const style = document.createElement("style");
 style.textContent = css;
 document.head.append(style);
 
+// Over viser's own panel and empty picture, until there are ours.
+const cover = document.createElement("div");
+cover.id = "bd-cover";
+cover.setAttribute("role", "status");
+const COVERED = ["[data-testid=disclaimer]", "[role=dialog]"], COVER_MS = 10000;
+let uncovered = false;  // a page that connects again keeps its picture
+page.cover = (waits, ...lines) => {
+  cover.classList.toggle("bd-waits", waits);
+  cover.replaceChildren(...lines.map(line => {
+    const row = document.createElement("p");
+    row.textContent = line;
+    return row;
+  }));
+  if (!uncovered) document.body.append(cover);
+};
+page.uncover = () => {
+  uncovered = true;
+  const from = performance.now(), ours = () => COVERED.some(each => document.querySelector(each));
+  later(() => ours() || performance.now() - from > COVER_MS, () => cover.remove());
+};
+
 // What a screen reader says: one place that stays, whose words change.
 const announcer = document.createElement("div");
 announcer.id = "bd-status";

@@ -3,7 +3,7 @@
 import base64
 import json
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,16 @@ def prepare_page(client: viser.ClientHandle) -> None:
     """Give a page its style, and the script that the other functions here need; call it first."""
     script, style = (file_text(Path(__file__).with_name(name)) for name in ("page.js", "page.css"))
     queue_script(client.gui, _called(f"({script})", (style, _CLOSER, _BEGIN, _LETTER_KEYS)))
+
+
+def cover_page(client: viser.ClientHandle, lines: Sequence[str], *, waits: bool) -> None:
+    """Cover a page that has just opened with a title and more lines; a bar moves while it waits."""
+    _call(client, "cover", waits, *lines)
+
+
+def uncover_page(client: viser.ClientHandle) -> None:
+    """Show a covered page as soon as its panel is there."""
+    _call(client, "uncover")
 
 
 def announce(client: viser.ClientHandle, words: str) -> None:
