@@ -12,12 +12,17 @@ and looking through them again and again was a sixth of its time.
 import gc
 import hashlib
 import logging
+import os
 import re
 import warnings
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
+
+# Else numba, as it compiles, colours its messages by exchanging sys.stdout and sys.stderr, and then
+# sets them to what they were before: what another thread has redirected meanwhile is lost.
+os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
 
 import numba
 from numba import njit

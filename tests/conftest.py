@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+import kernel_cache  # noqa: F401  (before any numba, which reads then what this sets)
+
 # Scripts of `make soak` and `make screenshots`; one needs a fuzzer that only the former installs.
 SCRIPTS = ("soak", "kill_fuzz", "file_fuzz", "screenshots", "film")
 collect_ignore = [f"app/{name}.py" for name in SCRIPTS]

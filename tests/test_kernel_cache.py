@@ -1,15 +1,18 @@
 """Machine code that is kept: it follows every file that it comes from, and is used again."""
 
 import ast
+import contextlib
 import gc
+import io
 import re
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
-from numba.core.errors import TypingError
+from numba.core import errors
 
 import kernel_cache
 from organ_geometry.encoder import jacobian
@@ -135,7 +138,7 @@ def test_cycles_are_not_collected_while_a_kernel_is_compiled(
         monkeypatch.setattr(gc, name, lambda name=name: calls.append(name))
     assert _outer(1.0) == 2.0
     assert calls == ["disable", "enable"]
-    with pytest.raises(TypingError):
+    with pytest.raises(errors.TypingError):
         _no_kernel(1.0)
     assert calls == ["disable", "enable"] * 2
 
@@ -166,6 +169,24 @@ print(twice(21.0), type(twice._cache).__name__)
     )
     assert found.stdout == "42.0 NullCache\n"
     assert found.stderr.count("RuntimeWarning: numba ") == 1
+
+
+def test_a_thread_that_compiles_leaves_the_screen_to_others() -> None:
+    """By colours in numba's messages what one thread had redirected went to the screen."""
+    over = threading.Event()
+
+    def write_messages() -> None:
+        while not over.is_set():
+            errors.termcolor().errmsg("a message of the compiler")
+
+    with contextlib.redirect_stdout(io.StringIO()) as mine:
+        writer = threading.Thread(target=write_messages)
+        writer.start()
+        try:
+            assert all(sys.stdout is mine for _ in range(300_000))
+        finally:
+            over.set()
+            writer.join()
 
 
 def test_no_module_imports_in_a_manner_that_its_stamp_misses() -> None:
