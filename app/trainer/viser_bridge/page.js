@@ -12,11 +12,12 @@ const style = document.createElement("style");
 style.textContent = css;
 document.head.append(style);
 
-// Over viser's own panel and empty picture, until there are ours.
+// Over viser's own panel and empty picture, until there are ours; it follows the cover by style
+// alone that the page came with.
 const cover = document.createElement("div");
 cover.id = "bd-cover";
 cover.setAttribute("role", "status");
-const COVERED = ["[data-testid=disclaimer]", "[role=dialog]"], COVER_MS = 10000;
+const COVER_MS = 15000;  // for which at most a panel is waited for that has been sent
 let uncovered = false;  // a page that connects again keeps its picture
 page.cover = (waits, ...lines) => {
   cover.classList.toggle("bd-waits", waits);
@@ -26,10 +27,11 @@ page.cover = (waits, ...lines) => {
     return row;
   }));
   if (!uncovered) document.body.append(cover);
+  document.documentElement.classList.add("bd-ready");
 };
 page.uncover = () => {
   uncovered = true;
-  const from = performance.now(), ours = () => COVERED.some(each => document.querySelector(each));
+  const from = performance.now(), ours = () => document.querySelector("[data-testid=readout]");
   later(() => ours() || performance.now() - from > COVER_MS, () => cover.remove());
 };
 
@@ -332,9 +334,6 @@ const measurePace = done => {
   ask();
   setTimeout(stop, 4000);
 };
-
-// viser's page is covered until the panel is there.
-later(() => document.querySelector("[data-testid=readout]"), () => document.documentElement.classList.add("bd-ready"));
 
 // Names for what viser leaves without one.
 const name = (element, words) => {

@@ -46,8 +46,8 @@ html:not(.bd-ready) body::before { content: "Opening the trainer …"; position:
   display: grid; place-items: center; background: #17181b; color: #c9ccd1;
   font: 16px system-ui, sans-serif }
 """
-"""Style of a page in which the trainer's own is not there yet; one that never comes shows viser's
-after 15 s."""
+"""Style of a page whose script has not come yet, which covers it then; without one viser's page is
+shown after 15 s."""
 Answer = Response | Awaitable[Response | None] | None
 Guard = Callable[[ServerConnection, Request], Answer]
 Handler = Callable[[ServerConnection], Awaitable[None]]
