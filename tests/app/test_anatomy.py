@@ -27,7 +27,8 @@ from app.simulation import bed_presets
 
 SHIPPED = shipped_anatomies()
 NORMAL = SHIPPED["normal"].read_text()
-SEEDS = range(1, 201)
+CASES = (60, pytest.param(200, marks=pytest.mark.long))
+"""How many drawn cases are looked at."""
 SIGMAS = 4.0
 """Of a count or a mean over the seeds: by chance, one of 16,000 is further off."""
 
@@ -86,10 +87,10 @@ def _angle(anatomy: Anatomy) -> float:
     return math.degrees(math.acos(up @ direction / np.linalg.norm(up) / np.linalg.norm(direction)))
 
 
-@pytest.fixture(scope="module")
-def cases() -> list[Anatomy]:
-    """200 cases; each is checked as it is made: joined, and clear of each other."""
-    return [drawn_anatomy(seed) for seed in SEEDS]
+@pytest.fixture(scope="module", params=CASES)
+def cases(request: pytest.FixtureRequest) -> list[Anatomy]:
+    """Drawn cases; each is checked as it is made: joined, and clear of each other."""
+    return [drawn_anatomy(seed) for seed in range(1, request.param + 1)]
 
 
 def test_every_seed_builds_what_was_drawn(cases: list[Anatomy]) -> None:

@@ -519,7 +519,7 @@ def test_wrong_words_are_refused(arguments: list[object], says: str) -> None:
     assert says in refused(["anatomy", *arguments])
 
 
-@pytest.mark.parametrize("seed", [3, 8])
+@pytest.mark.parametrize("seed", [3, pytest.param(8, marks=pytest.mark.long)])
 def test_a_drawn_case_is_found_again_in_its_labels(seed: int) -> None:
     """All joins and no other, each tube's axis and radius; arteries are 3 to 4 voxels thick."""
     anatomy = drawn_anatomy(seed)
