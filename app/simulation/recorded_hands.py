@@ -15,8 +15,9 @@ from assets import RUNS
 
 __all__ = ["CarefulRun", "careful_run", "has_careful_run"]
 
-RECORDED = ("critical_view",)
-"""Exercises whose careful run ships; `examples/careful_run.py` records it."""
+RECORDED = ("critical_view", "first_view")
+"""Exercises whose careful run ships; `examples/careful_run.py` records the first one, and
+`tests/app/test_first_view.py` the other."""
 
 
 class CarefulRun(msgspec.Struct, frozen=True):

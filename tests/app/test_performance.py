@@ -152,8 +152,20 @@ def test_the_recorded_careful_run_is_replayed_to_its_result() -> None:
 def test_a_recorded_run_is_shown_at_its_own_anatomy_only(name: str) -> None:
     session = Session(Specimen.of_anatomy(anatomy_named(name)), vertices=FEW)
     offered = {each.name: each for each in exercises_offered(session)}
-    assert not has_careful_run(offered["critical_view"])
-    assert not has_careful_run(offered["who_is_who"])
+    for each in ("critical_view", "first_view", "who_is_who"):
+        assert not has_careful_run(offered[each])
+
+
+def test_the_recorded_first_view_is_of_the_exercise_that_is_offered() -> None:
+    """`test_first_view.py` does it again, and replays it."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    exercise = next(each for each in exercises_offered(session) if each.name == "first_view")
+    session.start_exercise(exercise)
+    recorded = careful_run(session)
+    assert recorded.run.log.exercise == exercise
+    assert recorded.run.outcome is not None
+    assert recorded.run.outcome.passed
+    assert recorded.run.metrics["critical_view_points"] == 3
 
 
 @cache

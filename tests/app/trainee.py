@@ -175,6 +175,42 @@ class Trainee:
                     break
                 self.wait(0.1)
 
+    def turn_tip(self, direction: Floats) -> None:
+        """Press L or J until a bent tip lies most nearly along a direction, from its end back."""
+
+        def along() -> float:
+            return float(np.array(self.session.spatial.hands[1].aim) @ direction)
+
+        for key in (TURN, -TURN):
+            for _ in range(22):
+                before = along()
+                self.lead.turn(key)
+                if along() <= before + 1e-6:
+                    self.lead.turn(-key)
+                    break
+                self.wait(0.1)
+
+    def pass_behind(self, start: Floats, end: Floats, direction: Floats) -> None:
+        """Lead the closed right angle along its tip, part and close its jaws, and go back."""
+        self.take(1, "right angle")
+        self.wheel(-6)
+        self.drag(start)
+        self.turn_tip(direction)
+        self.to(start)
+        begun = self.tip.copy()
+        self.drag(end)
+        camera = self.held.camera
+        deeper = round(float((self.tip - end) @ camera.axes[:, 2]) / NOTCH_MM)
+        self.wheel(deeper)
+        self.use()
+        for _ in range(8):
+            if self.session.spatial.hands[1].target_opening <= 0.0:
+                break
+            self.use()
+        self.wheel(-deeper)
+        self.drag(begun)
+        self.wheel(-6)
+
     def spread(self, place: Floats, direction: Floats) -> None:
         """Lead the closed dissector to a place, part its jaws, close them, and withdraw."""
         self.take(1, "dissector")

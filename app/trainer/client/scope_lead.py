@@ -44,6 +44,8 @@ that close at once crush what has come between them."""
 STOPS_AT, INSISTS = 0.7, 0.03
 """Of a wall's break, from which on what strains it is led no further; and how much more than there
 is then each key or click allows."""
+RISES = 0.003
+"""Of a wall's break in a tick, by which what a hand does strains it, whatever its force is."""
 GIVES_MM = 0.1
 """By which a hand that stops gives way."""
 LEAST_PUSH_N = 0.1
@@ -95,6 +97,9 @@ class ScopeLead:
         # Of each hand, how far its jaws go apart or together, mm, or None.
         self._jaws: list[float | None] = [None] * len(state.hands)
         self._stops_at = STOPS_AT
+        self._stress = 0.0  # of the last tick, over the strength
+        # Of each hand, the direction in which it was stopped, (3,), or None.
+        self._stopped: list[Floats | None] = [None] * len(state.hands)
 
     @property
     def session(self) -> Session:
@@ -258,7 +263,10 @@ class ScopeLead:
         state = self._state
         if state.playback is not None or state.paused or state.session.run.closed:
             return
-        stops = self._nears_break()
+        stops, stress = self._nears_break(), state.session.spatial.stress_ratio
+        rises, self._stress = stress > self._stress + RISES, stress
+        if not stops:
+            self._stopped = [None] * len(self._stopped)
         for hand, goal in enumerate(self._goals):
             holder = state.hands[hand]
             self._lead_jaws(hand, stops, TICK_SECONDS * ticks)
@@ -267,8 +275,10 @@ class ScopeLead:
             path = goal - holder.target
             far = math.sqrt(float((path * path).sum()))
             strains = float(path @ state.session.spatial.forces[hand]) > LEAST_PUSH_N * far
-            if strains and stops:
-                self._goals[hand] = None
+            before = self._stopped[hand]
+            again = before is not None and float((path * before).sum()) > 0.0
+            if stops and far > 0.0 and (strains or rises or again):
+                self._goals[hand], self._stopped[hand] = None, path
                 state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
                 self._say_stopped()
                 continue
@@ -289,6 +299,7 @@ class ScopeLead:
     def _insist(self) -> None:
         """Let a wall come a little nearer to its break than it is, if it is near."""
         self._stops_at = max(STOPS_AT, self.session.spatial.stress_ratio + INSISTS)
+        self._stopped = [None] * len(self._stopped)
 
     def _say_stopped(self) -> None:
         self._state.refuse(STOPPED.format(tube_title(self.session.spatial.most_stressed)))
