@@ -42,7 +42,7 @@ def recorded_runs(log: RunLog, organ: Organ, *, frames: int) -> tuple[RecordedRu
     cuts: dict[int, tuple[int, RuptureCheck]] = {}  # tick and place of each tube's first cut
     for tick in np.unique(np.rint(np.linspace(0.0, log.ticks, frames)).astype(int)).tolist():
         replay.seek_tick(tick)
-        reading, stresses = replay.session.reading(), tissue.beam.stresses()
+        reading = replay.session.reading()
         for event in tissue.events:
             number = tubes.names.index(event.tube)
             if event.kind in ("tear", "division") and number not in cuts:
@@ -57,7 +57,7 @@ def recorded_runs(log: RunLog, organ: Organ, *, frames: int) -> tuple[RecordedRu
                 phase = Phase.TEARING if front < 1.0 else Phase.TORN
             else:
                 strength = tissue.strengths[number]
-                check = tubes.surfaces[number].check(tissue.beam, strength, stresses)
+                check = tubes.surfaces[number].check(tissue.beam, strength)
             recorder.add(
                 tick * TICK_SECONDS,
                 tissue.beam,
