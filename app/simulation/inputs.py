@@ -54,9 +54,7 @@ InputKind = Literal[
 ]  # fmt: skip
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
 NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
-REPLACED: frozenset[InputKind] = frozenset(
-    {"move", "open", "lift", "threshold", "aim", "spread", "suck", "view"}
-)
+REPLACED: frozenset[InputKind] = frozenset({"move", "open", "lift", "threshold", "suck", "view"})
 """Of these only the last between two ticks has an effect: it replaces the one before."""
 WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide", "wipe", "unsafe"})
 VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread"})

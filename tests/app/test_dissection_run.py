@@ -83,6 +83,29 @@ def replayed(content: bytes) -> Replay:
     return Replay(read.log, phantom(), vertices=300)
 
 
+def test_each_turn_of_an_instrument_within_a_tick_is_made_again() -> None:
+    """A turn acts at once: which of two is refused, and the work of both, go by the one before."""
+    session = bed_session(phantom(), vertices=300)
+    session.choose_instrument(1, "dissector")
+    session.open_jaws(1, 3.0)
+    middle = 0.5 * session.tissue.dissection.beam.span
+    for deep in np.linspace(0.0, 7.0, 30):
+        session.move_hand(1, np.array([middle, -9.0, -deep]))
+        session.advance()
+    turns = ((0.3, 0.2, 1.0), (-0.2, 0.4, 1.0), (0.0, 0.1, 1.0))
+    for turn in range(12):
+        for k, direction in enumerate(turns):
+            session.aim(1, direction)
+            session.spread(1, turns[(turn + k) % 3])
+        session.aim(1, turns[turn % 3])
+        session.aim(1, turns[(turn + 1) % 3])
+        session.advance()
+    run = session.run_file()
+    kinds = [each.kind for each in run.log.inputs]
+    assert kinds.count("aim") == 12 * 5
+    assert Replay(run.log, phantom(), vertices=300).run_file() == run
+
+
 def replay_end(content: bytes) -> Session:
     """The session of a replay at its end."""
     again = replayed(content)
