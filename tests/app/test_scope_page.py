@@ -267,6 +267,7 @@ def test_show_me_plays_the_recorded_critical_view(calot: Trainer, drawing_browse
         tab.start()
         view = _newest(calot, "calot")
         tab.open("Learn")
+        tab.choose("Exercise", "Critical view")
         tab.press("Show me")
         tab.wait_until(lambda: view.state.playback is not None)
         playback = view.state.playback
