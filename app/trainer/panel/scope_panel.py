@@ -334,8 +334,8 @@ class ScopePanel:
     def _choose_led(self, leads: Leads) -> None:
         self._lead.choose(None if leads == "scope" else ("left", "right").index(leads))
 
-    def _turn(self, way: Turn) -> None:
-        self._lead.turn(-TURN if way == "left" else TURN)
+    def _turn(self, side: Turn) -> None:
+        self._lead.turn(-TURN if side == "left" else TURN)
 
     def _add_hand(self, hand: int, name: str) -> viser.GuiDropdownHandle[Instrument]:
         state = self._state
