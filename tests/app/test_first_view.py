@@ -87,18 +87,21 @@ def let_go(trainee: Trainee) -> None:
     trainee.use()
 
 
-def reached() -> Trainee:
-    """Return a trainee who has done *First view*, as the tutorial does it."""
-    trainee = begun("first_view")
-    # Draw the neck aside.
+def part_the_triangle(trainee: Trainee) -> None:
+    """Draw the neck aside, part the triangle's tissue, and lift the neck."""
     trainee.hold(8.0)
     trainee.pull(LATERAL, 3.0)
-    # Part the triangle.
     trainee.spread(np.array([43.0, 8.0, -2.0]), ACROSS)
     trainee.sweep(beside_the_duct(trainee))
     trainee.spread(np.array([44.0, 12.0, -3.0]), ACROSS)
-    # Lift the neck, and go beside the duct again while nothing is taut.
     trainee.pull(UP, 8.0)
+
+
+def reached() -> Trainee:
+    """Return a trainee who has done *First view*, as the tutorial does it."""
+    trainee = begun("first_view")
+    part_the_triangle(trainee)
+    # Go beside the duct again while nothing is taut.
     trainee.pull(TO_VIEWER, 8.0)
     let_go(trainee)
     trainee.sweep(beside_the_duct(trainee))
@@ -150,12 +153,7 @@ def test_the_whole_critical_view_is_within_reach_of_mouse_and_keys() -> None:
     for station, past in ((16.0, 1.0), (10.0, 1.0), (13.0, 4.0), (6.0, 4.0)):
         behind(trainee, "cystic", station, 5.0, past, 2.9)
     # The triangle, and the corner at the neck while the gallbladder is lifted.
-    trainee.hold(8.0)
-    trainee.pull(LATERAL, 3.0)
-    trainee.spread(np.array([43.0, 8.0, -2.0]), ACROSS)
-    trainee.sweep(beside_the_duct(trainee))
-    trainee.spread(np.array([44.0, 12.0, -3.0]), ACROSS)
-    trainee.pull(UP, 8.0)
+    part_the_triangle(trainee)
     trainee.spread(np.array([44.0, 14.0, -2.0]), ACROSS)
     let_go(trainee)
     # The plate.
