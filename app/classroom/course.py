@@ -18,7 +18,6 @@ import tomli_w
 
 from app.bounded_file import decoded
 from app.classroom.exercise_file import (
-    AT_ANATOMY,
     DRAWN,
     PULLS,
     AssignedExercise,
@@ -26,7 +25,7 @@ from app.classroom.exercise_file import (
     ExerciseFile,
     Goal,
 )
-from app.simulation import ERROR_CLASSES, METRICS, Feedback, Preset
+from app.simulation import AT_ANATOMY, ERROR_CLASSES, METRICS, Feedback, Preset
 from organ_geometry import Organ
 
 __all__ = [

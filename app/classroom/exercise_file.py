@@ -11,6 +11,7 @@ import msgspec
 from app.anatomy import anatomy_named, drawn_anatomy, shipped_anatomies
 from app.bounded_file import decoded
 from app.simulation import (
+    AT_ANATOMY,
     EXERCISES,
     FEW,
     Exercise,
@@ -31,7 +32,7 @@ from app.simulation import (
 from organ_geometry import Organ
 
 __all__ = [
-    "AT_ANATOMY", "GOALS", "AssignedExercise", "ExerciseFile", "Goal", "mode_of", "read_exercise",
+    "GOALS", "AssignedExercise", "ExerciseFile", "Goal", "mode_of", "read_exercise",
     "template",
 ]  # fmt: skip
 
@@ -41,8 +42,6 @@ Goal = Literal[
 ]  # fmt: skip
 PULLS: tuple[Goal, ...] = ("hold_stretch", "approach_break", "gentle_lifts")
 """Those of a free duct."""
-AT_ANATOMY: tuple[Goal, ...] = ("stop_bleeding", "first_view", "critical_view", "who_is_who")
-"""Those at an anatomy, through the laparoscope."""
 DRAWN = "drawn"
 """In the place of an anatomy's name: one that is drawn by published frequencies and a seed."""
 GOALS: dict[Goal, str] = {goal: EXERCISES[goal].title for goal in get_args(Goal)}

@@ -3,8 +3,8 @@
 import html
 
 from app.anatomy import shipped_anatomies
-from app.classroom.exercise_file import AT_ANATOMY, DRAWN, GOALS, NUMBERS, PULLS, Goal
-from app.simulation import ERROR_CLASSES, METRIC_OF, Feedback, bed_presets
+from app.classroom.exercise_file import DRAWN, GOALS, NUMBERS, PULLS, Goal
+from app.simulation import AT_ANATOMY, ERROR_CLASSES, METRIC_OF, Feedback, bed_presets
 
 __all__ = ["exercise_form"]
 

@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 
 from app.classroom.course import INCIDENTS, LOWER, SAFE_FRACTION, Course, Level
-from app.classroom.exercise_file import AT_ANATOMY
 from app.classroom.store import RunRecord
 from app.simulation import (
+    AT_ANATOMY,
     ERROR_CLASSES,
     METRICS,
     Feedback,

@@ -28,7 +28,7 @@ from app.simulation.exercise import (
     Outcome,
     Stay,
 )
-from app.simulation.exercise_limits import exercise_at, exercises_offered, not_offered
+from app.simulation.exercise_limits import AT_ANATOMY, exercise_at, exercises_offered, not_offered
 from app.simulation.exercise_table import EXERCISES
 from app.simulation.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.grasper import HAND_SPEED, Grasper, Load
@@ -108,6 +108,7 @@ __all__ = [
     "AFTER_TEAR",
     "ALL_INSTRUMENTS",
     "ASSUMED_PRESET",
+    "AT_ANATOMY",
     "CAREFUL",
     "CLIP_OPENING",
     "DISTANCE_TO_BREAK",

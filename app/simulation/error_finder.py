@@ -51,7 +51,7 @@ SAME = 1e-6
 PARTED, GOING, TOUCHING, SIZE, WORK, TIP_SPEED, PULL_SPEED, OPENS, PRESS, TURNS = range(10)
 MOST, HIGHEST, PULL, SEEN = 10, 11, 12, 15
 OPENING = 3
-"""Column of a hand's way after its place."""
+"""Column of a hand's track after its place."""
 
 
 class _Watch:
@@ -127,13 +127,13 @@ class ErrorFinder:
         self._least_pull = self.incidents.limits["ahead_of_front"]["pull"]
         self._watches = [_Watch(hand) for hand in duct.hands]
         self._damage = duct.beam.state.damage.copy()
-        # Of each hand: its way, oldest first; presses of the last ticks, N; where it last turned,
+        # Of each hand: its track, oldest first; presses of the last ticks, N; where it last turned,
         # and how it goes along each axis: 1 or -1, 0 before the first.
-        self._ways = np.zeros((HANDS, SHIFT_TICKS + 1, OPENING + 1))
+        self._tracks = np.zeros((HANDS, SHIFT_TICKS + 1, OPENING + 1))
         self._presses, self._turned = np.zeros((HANDS, PULL_TICKS)), np.zeros((HANDS, 2, 3))
         self._seen = np.zeros((HANDS, SEEN))
         for i in range(HANDS):
-            self._start_way(i)
+            self._start_track(i)
         self._pace = Pace(self.incidents)
         nodes = [duct.beam.nodes_of(name) for name in tubes]  # of all tubes one after the other
         self._nodes = np.concatenate(nodes)
@@ -152,7 +152,7 @@ class ErrorFinder:
         for i, (hand, watch) in enumerate(zip(hands, watches, strict=True)):
             if hand.instrument != watch.instrument:
                 watch.instrument = hand.instrument
-                self._start_way(i)
+                self._start_track(i)
                 watch.turns.clear()
                 watch.events.clear()
             if hand.slips != watch.slips:
@@ -168,7 +168,7 @@ class ErrorFinder:
             state.damage, self._damage, state.side, state.press,
             duct.rod_counts, (a.node is not None, b.node is not None),
             (a.place, b.place), (a.opening, b.opening), (*force, *other),
-            self._ways, self._presses, self._turned, self._seen,
+            self._tracks, self._presses, self._turned, self._seen,
         )  # fmt: skip
         seen: list[list[float]] = self._seen.tolist()
         holding = (a.node is not None) + (b.node is not None)
@@ -202,10 +202,10 @@ class ErrorFinder:
         if incidents.followed:
             incidents.end_tick(self._consequence(stress, out_of_sight))
 
-    def _start_way(self, i: int) -> None:
-        """Start a new way where a hand is."""
+    def _start_track(self, i: int) -> None:
+        """Start a new track where a hand is."""
         hand = self._duct.hands[i]
-        self._ways[i] = *hand.place.tolist(), hand.opening
+        self._tracks[i] = *hand.place.tolist(), hand.opening
         self._presses[i], self._turned[i, 0], self._turned[i, 1] = 0.0, hand.place, 0.0
 
     def _judge_picture(self, i: int, hand: Hand, watch: _Watch, row: list[float]) -> None:
@@ -454,7 +454,7 @@ class ErrorFinder:
         """Judge what parts on jaws that do not open: how far they go, and whether to and fro."""
         incidents, tick = self.incidents, self.incidents.tick
         stir, plough = incidents.limits["stirring"], incidents.limits["ploughing"]
-        before, now = self._ways[i, [0, -1]].tolist()
+        before, now = self._tracks[i, [0, -1]].tolist()
         while watch.turns and (tick - watch.turns[0]) * TICK_SECONDS > stir["seconds"]:
             watch.turns.pop(0)
         while watch.events and (tick - watch.events[0][0]) * TICK_SECONDS > plough["seconds"]:
@@ -485,7 +485,7 @@ class ErrorFinder:
     def _take_hold(self, i: int, hand: Hand, watch: _Watch) -> None:
         """Start a new hold."""
         watch.holds = hand.holds
-        self._ways[i] = *hand.place.tolist(), hand.opening
+        self._tracks[i] = *hand.place.tolist(), hand.opening
         at = self._duct.held_at(i) or 0.0
         watch.held_at, watch.judged, watch.leaning = at, False, 0
         self._seen[i, MOST], self._seen[i, HIGHEST] = 0.0, hand.place[2]
@@ -592,13 +592,13 @@ def _norm(x: float, y: float, z: float) -> float:
 def _look(
     damage: Floats, before: Floats, side: Bytes, press: Floats, rods: tuple[int, int],
     holds: tuple[bool, bool], places: tuple[Floats, Floats], openings: tuple[float, float],
-    forces: tuple[float, ...], ways: Floats, presses: Floats, turned: Floats, seen: Floats,
+    forces: tuple[float, ...], tracks: Floats, presses: Floats, turned: Floats, seen: Floats,
 ) -> int:  # fmt: skip
     """Write what a tick shows of the hands; return how many strands parted."""
     # A strand that touches both of a hand's rods is counted twice among those that touch.
     for i in range(HANDS):
         first, last = 2 * i, 2 * i + rods[i]
-        way, row = ways[i], seen[i]
+        track, row = tracks[i], seen[i]
         touching = 0
         for rod in range(first, last):
             for s in range(side.shape[1]):
@@ -607,11 +607,11 @@ def _look(
         row[TOUCHING] = touching
         for k in range(SHIFT_TICKS):
             for c in range(OPENING + 1):
-                way[k, c] = way[k + 1, c]
+                track[k, c] = track[k + 1, c]
         now, tip, pull = (
-            way[SHIFT_TICKS],
-            way[SHIFT_TICKS - TIP_TICKS],
-            way[SHIFT_TICKS - PULL_TICKS],
+            track[SHIFT_TICKS],
+            track[SHIFT_TICKS - TIP_TICKS],
+            track[SHIFT_TICKS - PULL_TICKS],
         )
         now[OPENING] = openings[i]
         work = 0.0

@@ -38,7 +38,7 @@ from app.simulation.session import Session
 from app.simulation.spatial_tissue import FREED_FRACTION
 from app.simulation.specimen import Specimen
 
-__all__ = ["exercise_at", "exercises_offered", "not_offered"]
+__all__ = ["AT_ANATOMY", "exercise_at", "exercises_offered", "not_offered"]
 
 # Deflection to hold, and its tolerance, over the deflection at break.
 HOLD_FRACTION, HOLD_TOLERANCE = 0.6, 0.05
@@ -79,6 +79,7 @@ MOST_STRANDS = 10**6
 
 IN_BED = ("window", "follow_front", "free_scar")
 AT_ANATOMY = ("first_view", "critical_view", "who_is_who", "stop_bleeding")
+"""Exercises at an anatomy, through the laparoscope."""
 EXPOSED = (0.35, 0.75, 1.0)
 """Parts of what holds the structures that have parted in a picture, by its anatomy's seed."""
 TRACTION_MM = 9.0
