@@ -55,7 +55,7 @@ from app.trainer.client.scope_lead import (
 from app.trainer.client.workers import Workers
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
-from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Packing, Well
+from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Frame, Packing, Well
 from app.trainer.scope.pose import OBLIQUE, Laparoscope, Pose
 from app.trainer.scope.surroundings import film_runs, floor_under, strand_table, working_place
 from app.trainer.scope.tube_walls import SIDES, tube_wall
@@ -202,7 +202,7 @@ def test_a_frame_is_small_and_says_what_is_known(made: AnatomyNetwork) -> None:
     parted = np.arange(0, made.strands.count, 7)
     bed.state.damage[parted] = 1.0
     hands = [DrawnHand(2, (1.0, 2.0, 3.0), 4.0, 0.5, holds=True)]
-    packing.write(bed, Pose(0.1, 0.2, 90.0), OBLIQUE, hands, [Well((7.0, 8.0, 9.0), 5.0)])
+    packing.write(bed, Frame(Pose(0.1, 0.2, 90.0), hands, [Well((7.0, 8.0, 9.0), 5.0)]), OBLIQUE)
     assert packing.numbers.nbytes <= 6000
     flat = packing.numbers.reshape(-1)
     assert flat[:3].tolist() == np.array([0.1, 0.2, 90.0], np.float32).tolist()

@@ -1,4 +1,4 @@
-"""The tangent of a network as one matrix, and what it must be: the energy's differences."""
+"""A network turned as a whole; its tangent as one matrix, and the differences of its energy."""
 
 from typing import Any
 
@@ -6,6 +6,34 @@ import numpy as np
 import pytest
 
 from physics.bed import kernels as k
+
+
+def turned(by: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """(N, 4) unit quaternions, w first, turned by one or N others."""
+    w, a, b, c = by.T
+    p, r, s, t = quaternions.T
+    product = [
+        w * p - a * r - b * s - c * t,
+        w * r + a * p + b * t - c * s,
+        w * s + b * p + c * r - a * t,
+        w * t + c * p + a * s - b * r,
+    ]
+    return np.stack(product, axis=1) / np.linalg.norm(by.T, axis=0)[..., None]
+
+
+def turn_whole(state: k.State) -> None:
+    """Turn and move all nodes of a network together."""
+    by = np.array([0.5, -0.5, 0.1, 0.7])
+    w, a, b, c = by / np.linalg.norm(by)
+    turn = np.array(
+        [
+            [1 - 2 * (b * b + c * c), 2 * (a * b - w * c), 2 * (a * c + w * b)],
+            [2 * (a * b + w * c), 1 - 2 * (a * a + c * c), 2 * (b * c - w * a)],
+            [2 * (a * c - w * b), 2 * (b * c + w * a), 1 - 2 * (a * a + b * b)],
+        ]
+    )
+    state.x[:] = state.x @ turn.T + [3.0, -2.0, 5.0]
+    state.q[:] = turned(by, state.q)
 
 
 def full_tangent(state: k.State) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -31,19 +59,8 @@ def assert_derivatives(state: k.State, kind: int) -> None:
 
     def energy(step: np.ndarray) -> float:
         turn = np.concatenate([np.ones((nodes, 1)), 0.5 * step.reshape(nodes, 6)[:, 3:]], axis=1)
-        w, a, b, c = turn.T
-        p, r, s, t = q.T
         state.x[:] = x + step.reshape(nodes, 6)[:, :3]
-        state.q[:] = np.stack(
-            [
-                w * p - a * r - b * s - c * t,
-                w * r + a * p + b * t - c * s,
-                w * s + b * p + c * r - a * t,
-                w * t + c * p + a * s - b * r,
-            ],
-            axis=1,
-        )
-        state.q[:] /= np.sqrt((state.q**2).sum(axis=1))[:, None]
+        state.q[:] = turned(turn, q)
         return k.assemble(state, kind, 0.0)
 
     h = 1e-3

@@ -15,7 +15,7 @@ from physics.bed import BeamOnBed, End, Join, Network, SpaceBeam, Strands
 from physics.bed import kernels as k
 from physics.bed.kernels.tangent import hold_nodes, solve
 from physics.bed.network import Elimination
-from tests.physics.derivatives import assert_derivatives, full_tangent
+from tests.physics.derivatives import assert_derivatives, full_tangent, turn_whole
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -324,26 +324,7 @@ def test_turning_a_network_as_a_whole_changes_nothing(seed: int) -> None:
     state = crossed(seed).state
     state.damage[: state.first[len(state.x)]] = 1.0  # those to the bed
     before, section = k.assemble(state, k.FROZEN, 0.0), state.section.copy()
-    q = np.array([0.5, -0.5, 0.1, 0.7])
-    w, a, b, c = q / math.sqrt(q @ q)
-    turn = np.array(
-        [
-            [1 - 2 * (b * b + c * c), 2 * (a * b - w * c), 2 * (a * c + w * b)],
-            [2 * (a * b + w * c), 1 - 2 * (a * a + c * c), 2 * (b * c - w * a)],
-            [2 * (a * c - w * b), 2 * (b * c + w * a), 1 - 2 * (a * a + b * b)],
-        ]
-    )
-    state.x[:] = state.x @ turn.T + [3.0, -2.0, 5.0]
-    p, r, s, t = state.q.T.copy()
-    state.q[:] = np.stack(
-        [
-            w * p - a * r - b * s - c * t,
-            w * r + a * p + b * t - c * s,
-            w * s + b * p + c * r - a * t,
-            w * t + c * p + a * s - b * r,
-        ],
-        axis=1,
-    )
+    turn_whole(state)
     assert k.assemble(state, k.FROZEN, 0.0) == pytest.approx(before, rel=1e-12)
     assert state.section == pytest.approx(section, abs=1e-10)
     assert np.abs(state.g[:, :3].sum(axis=0)).max() < 1e-12 * np.abs(state.g).max()

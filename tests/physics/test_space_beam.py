@@ -13,7 +13,7 @@ from physics.bed import BeamOnBed, Hand, SpaceBeam, Strands, pull
 from physics.bed import kernels as k
 from physics.exponential import MOST, exponential_stress
 from physics.many import Ducts, solve_many
-from tests.physics.derivatives import assert_derivatives
+from tests.physics.derivatives import assert_derivatives, turn_whole
 
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
 
@@ -94,26 +94,7 @@ def test_turning_the_whole_changes_nothing(law: NeoHooke | Exponential | None) -
     state.floor[:] = 0.0
     before = k.assemble(state, k.FROZEN, 0.0)
     section = state.section.copy()
-    q = np.array([0.5, -0.5, 0.1, 0.7])
-    w, a, b, c = q / np.sqrt(q @ q)
-    turn = np.array(
-        [
-            [1 - 2 * (b * b + c * c), 2 * (a * b - w * c), 2 * (a * c + w * b)],
-            [2 * (a * b + w * c), 1 - 2 * (a * a + c * c), 2 * (b * c - w * a)],
-            [2 * (a * c - w * b), 2 * (b * c + w * a), 1 - 2 * (a * a + b * b)],
-        ]
-    )
-    state.x[:] = state.x @ turn.T + [3, -2, 5]
-    p, r, s, t = state.q.T.copy()
-    state.q[:] = np.stack(
-        [
-            w * p - a * r - b * s - c * t,
-            w * r + a * p + b * t - c * s,
-            w * s + b * p + c * r - a * t,
-            w * t + c * p + a * s - b * r,
-        ],
-        axis=1,
-    )
+    turn_whole(state)
     assert k.assemble(state, k.FROZEN, 0.0) == pytest.approx(before, rel=1e-12)
     assert state.section == pytest.approx(section, rel=1e-9, abs=1e-9)
 

@@ -8,7 +8,7 @@ import viser
 
 from app.anatomy import AnatomyNetwork
 from app.simulation import TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar, wall_offset
-from app.trainer.scope.packing import DrawnHand, Well
+from app.trainer.scope.packing import DrawnHand, Frame, Well
 from app.trainer.scope.picture import ScopePicture
 from app.trainer.scope.pose import Laparoscope, Pose
 
@@ -39,15 +39,14 @@ def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, pose: Pose) -> Non
     """Send a tissue as it is now, seen as the scope is held."""
     torn = [(tube, each) for tube, each in enumerate(tissue.torn_elements) if each >= 0]
     torn += [(tube, math.floor(at)) for tube, at in _at_events(tissue, "division")]
-    picture.send(
-        tissue.beam,
+    frame = Frame(
         pose,
-        [_hand(tissue, number) for number in range(len(tissue.hands))],
-        _wells(tissue),
-        _at_events(tissue, "clip"),
-        torn,
-        (1e3 * tissue.pooled_ml("blood"), 1e3 * tissue.pooled_ml("bile")),
-        [
+        hands=[_hand(tissue, number) for number in range(len(tissue.hands))],
+        wells=_wells(tissue),
+        clips=_at_events(tissue, "clip"),
+        torn=torn,
+        pools=(1e3 * tissue.pooled_ml("blood"), 1e3 * tissue.pooled_ml("bile")),
+        nicks=[
             (
                 each.tube,
                 _in_elements(tissue, each.tube, each.station),
@@ -56,8 +55,9 @@ def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, pose: Pose) -> Non
             )
             for each in tissue.nicks()
         ],
-        tissue.soil,
+        soil=tissue.soil,
     )
+    picture.send(tissue.beam, frame)
 
 
 def _hand(tissue: SpatialTissue, number: int) -> DrawnHand:

@@ -24,6 +24,7 @@ __all__ = [
     "TEARS",
     "WELLS",
     "DrawnHand",
+    "Frame",
     "Packing",
     "Well",
     "packed_tautness",
@@ -62,6 +63,22 @@ class Well:
     bile: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """What a frame shows besides nodes and strands."""
+
+    pose: Pose
+    hands: Sequence[DrawnHand] = ()
+    wells: Sequence[Well] = ()
+    clips: Sequence[tuple[int, float]] = ()  # a tube's number, a place along it in elements
+    torn: Sequence[tuple[int, int]] = ()  # a tube's number, an element's
+    pools: tuple[float, float] = (0.0, 0.0)  # blood and bile that lie in the field, mm^3
+    # A tube's number, a place along it in elements, an angle round it from up, rad, and a depth,
+    # of its height.
+    nicks: Sequence[tuple[int, float, float, float]] = ()
+    soil: float = 0.0  # how soiled the lens is, 0 to 1
+
+
 class Packing:
     """Frames of one network; `numbers`, (n, 3), is written anew by each `write`."""
 
@@ -74,46 +91,27 @@ class Packing:
         self._nodes = flat[HEADER : HEADER + NODE_NUMBERS * nodes].reshape(nodes, NODE_NUMBERS)
         self._strands = flat[HEADER + NODE_NUMBERS * nodes : size]
 
-    def write(
-        self,
-        bed: BeamOnBed,
-        pose: Pose,
-        angle: float,
-        hands: Sequence[DrawnHand] = (),
-        wells: Sequence[Well] = (),
-        clips: Sequence[tuple[int, float]] = (),
-        torn: Sequence[tuple[int, int]] = (),
-        pools: tuple[float, float] = (0.0, 0.0),
-        nicks: Sequence[tuple[int, float, float, float]] = (),
-        soil: float = 0.0,
-    ) -> None:
-        """Write a frame; the scope's `angle` is in rad.
-
-        `clips` are a tube's number and a place along it in elements, `torn` a tube's number and the
-        element's, `pools` blood and bile that lie in the field, mm^3, `soil` how
-        soiled the lens is, 0 to 1. `nicks` are a tube's number,
-        a place along it in elements, an angle round it from up, rad, and a depth, of its height.
-        Of what there are too many, the last are drawn.
-        """
+    def write(self, bed: BeamOnBed, frame: Frame, angle: float) -> None:
+        """Write a frame as a scope of an `angle`, rad, sees it; of too many rows the last."""
         head = self._head
         head[:] = 0.0
-        head[POSE : POSE + 5] = pose.numbers
+        head[POSE : POSE + 5] = frame.pose.numbers
         head[POSE + 5] = angle
-        head[POOL : POOL + 2] = pools
-        head[SOIL] = soil
+        head[POOL : POOL + 2] = frame.pools
+        head[SOIL] = frame.soil
         for i in range(HANDS):
-            hand = hands[i] if i < len(hands) else DrawnHand(-1, (0.0, 0.0, 0.0))
+            hand = frame.hands[i] if i < len(frame.hands) else DrawnHand(-1, (0.0, 0.0, 0.0))
             at = HAND + 8 * i
             head[at : at + 3] = hand.tip
             head[at + 3 : at + 7] = hand.opening, hand.roll, hand.instrument, hand.holds
-        for i, well in enumerate(wells[-WELLS:]):
+        for i, well in enumerate(frame.wells[-WELLS:]):
             at = WELL + 5 * i
             head[at : at + 3] = well.place
             head[at + 3 : at + 5] = well.rate, 2.0 if well.bile else 1.0
-        for start, rows, most in ((CLIP, clips, CLIPS), (TEAR, torn, TEARS)):
+        for start, rows, most in ((CLIP, frame.clips, CLIPS), (TEAR, frame.torn, TEARS)):
             for i, (tube, place) in enumerate(rows[-most:]):
                 head[start + 2 * i : start + 2 * i + 2] = tube + 1, place
-        for i, (tube, *nick) in enumerate(nicks[-NICKS:]):
+        for i, (tube, *nick) in enumerate(frame.nicks[-NICKS:]):
             head[NICK + 4 * i : NICK + 4 * i + 4] = tube + 1, *nick
         _WRITE(bed.state, self._nodes, self._strands)
 

@@ -13,8 +13,8 @@ import viser
 
 from app.anatomy import AnatomyNetwork
 from app.simulation import Dissection, Trocar
-from app.trainer.scope.packing import DrawnHand, Packing, Well
-from app.trainer.scope.pose import Laparoscope, Pose
+from app.trainer.scope.packing import Frame, Packing
+from app.trainer.scope.pose import Laparoscope
 from app.trainer.scope.surroundings import (
     film_runs,
     floor_under,
@@ -154,22 +154,9 @@ class ScopePicture:
         files = [PAGE / f"{name}.js" for name in SCRIPTS]
         run_picture(scene, files, "bluntdissectScope.show", NODE, given, shaders)
 
-    def send(
-        self,
-        bed: BeamOnBed,
-        pose: Pose,
-        hands: Sequence[DrawnHand] = (),
-        wells: Sequence[Well] = (),
-        clips: Sequence[tuple[int, float]] = (),
-        torn: Sequence[tuple[int, int]] = (),
-        pools: tuple[float, float] = (0.0, 0.0),
-        nicks: Sequence[tuple[int, float, float, float]] = (),
-        soil: float = 0.0,
-    ) -> None:
-        """Send a frame, if it differs from the last; see `Packing.write`."""
-        self._packing.write(
-            bed, pose, self._scope.angle, hands, wells, clips, torn, pools, nicks, soil
-        )
+    def send(self, bed: BeamOnBed, frame: Frame) -> None:
+        """Send a frame, if it differs from the last."""
+        self._packing.write(bed, frame, self._scope.angle)
         stream(self._mesh, "vertices", self._packing.numbers)
 
     def remove(self) -> None:

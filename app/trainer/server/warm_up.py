@@ -24,7 +24,7 @@ from app.simulation import (
 )
 from app.trainer.client.practice import SCENES, SceneName
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
-from app.trainer.scope.packing import Packing
+from app.trainer.scope.packing import Frame, Packing
 from app.trainer.scope.pose import Pose
 from app.trainer.stage.appearance import appearance_of, drawn_radius
 from app.trainer.stage.contact import Contact, HookPlace
@@ -118,7 +118,7 @@ def warm_anatomy() -> None:
         session.move_hand(0, session.spatial.hands[0].place + np.array([0.0, 0.0, 2.0]))
         session.advance()
     session.advance(3)
-    packing.write(session.spatial.beam, Pose(), 0.0)
+    packing.write(session.spatial.beam, Frame(Pose()), 0.0)
     session.reading()
 
 
