@@ -59,7 +59,12 @@ class Attempt:
             if number is not None:
                 if limit.passed_by(number):
                     last = errors.last_of(limit.of)
-                    return self._reason(last.happened if limit.of == "tear" else "", last.sentence)
+                    if limit.of != "tear":
+                        return self._reason("", last.sentence)
+                    # With its own advice it says what did it.
+                    if last.values["instead"]:
+                        return last.sentence
+                    return self._reason(last.happened, last.sentence)
                 continue
             value = self._recorder.measure(limit.of)
             largest = max(value) if isinstance(value, tuple) else value

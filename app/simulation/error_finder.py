@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from app.anatomy import tube_title
 from app.bed_preset import bed_named
 from app.simulation.clock import REACTION_SECONDS, TICK_SECONDS
-from app.simulation.errors import Conditions, Incidents
+from app.simulation.errors import ERROR_CLASSES, Conditions, Incidents
 from app.simulation.errors.incidents import Consequence
 from app.simulation.errors.pace import LEAST_SPEED, PULL_TICKS, Pace
 from app.simulation.hand import MEAN_PULL, Hand
-from app.simulation.inputs import SCOPE_NUMBERS
+from app.simulation.inputs import HOLDING, SCOPE_NUMBERS
 from app.simulation.run_file import HANDS
 from app.simulation.safety import Safety
 from app.simulation.sight import in_picture
@@ -38,6 +38,10 @@ TURN_MM = 2.0
 """mm by which a tip that goes back turns, and within which two holds are at one place."""
 SERIOUS_ML = 2.0
 """ml of blood beyond which a bleeding is an injury, a choice."""
+LEAST_WARNING = 1.0
+"""s before a tear from which on it is worth a word that the wall was near its break."""
+PULL_LESS = "Slacken as soon as its stress rises, and part what holds it before you pull on."
+OPEN_ELSEWHERE = "Close the jaws, draw back, and open them where only strands lie between them."
 VIEW_TICKS = 10
 """Ticks from one look at the critical view to the next."""
 SAME = 1e-6
@@ -109,6 +113,7 @@ class ErrorFinder:
         self._vessels = [tube for tube, kind in enumerate(kinds) if kind in ("artery", "vein")]
         self._wrong = [about is not None and name not in about for name in tubes]
         self._bleeding_since: dict[str, int] = {}
+        self._near_since: dict[int, int] = {}  # of each tube, when it first neared its break
         # clips on tubes that bled: tick, what flowed then
         self._clipped: list[tuple[int, float, Event]] = []
         self._rates: dict[str, float] = {}  # of blood out of each tube
@@ -229,6 +234,7 @@ class ErrorFinder:
             if event.kind == "tear":
                 self._torn = True
                 tube = duct.tubes.names.index(event.tube)
+                by, instead = self._deed(event.hand, tube)
                 self.incidents.note(
                     "tear",
                     event.hand,
@@ -236,6 +242,8 @@ class ErrorFinder:
                     tube=tube,
                     x=event.station,
                     name=self._titles[tube],
+                    by=by,
+                    instead=instead,
                 )
         self._events = len(duct.events)
         if duct.nicked != self._nicked:
@@ -267,6 +275,7 @@ class ErrorFinder:
                 continue
             mine = [each for each in duct.events if each.tube == duct.tubes.names[nick.tube]]
             began = [each for each in mine if each.kind == "nick"][-1]
+            by, instead = self._deed(began.hand, nick.tube)
             self.incidents.note(
                 "nick",
                 began.hand,
@@ -278,8 +287,29 @@ class ErrorFinder:
                 x=nick.station,
                 leak=", and it leaks" if nick.leaks else "",
                 name=self._titles[nick.tube],
+                by=by,
+                instead=instead,
             )
         self._nicked[:] = duct.nicked
+
+    def _deed(self, i: int | None, tube: int) -> tuple[str, str]:
+        """Return what a hand did to a wall that gave way, since when, and what to do instead."""
+        if i is None or not self._several:
+            return "", ""
+        hand, row = self._duct.hands[i], self._seen[i]
+        if hand.instrument in HOLDING:
+            what = "it" if hand.tube == tube else f"the {self._titles[hand.tube]}"
+            by, instead = f"the {hand.instrument} pulled {what}", PULL_LESS
+        elif hand.opening > 0.0 and row[OPENS] >= row[TIP_SPEED]:
+            by, instead = f"the jaws of the {hand.instrument} opened against it", OPEN_ELSEWHERE
+        else:
+            by = f"the {hand.instrument} pressed on it"
+            instead = ERROR_CLASSES["instrument_on_wall"].instead
+        since = self._near_since.get(tube, self.incidents.tick) * TICK_SECONDS
+        if self.incidents.tick * TICK_SECONDS - since >= LEAST_WARNING:
+            near = self.incidents.limits["tear"]["near"]
+            by += f"; it had first passed {100.0 * near:.0f} % of its break at {since:.1f} s"
+        return f" as {by}", instead
 
     def _judge_closing(self, event: Event) -> None:
         """Judge a clip or a division: on which tube, and whether the time has come for it."""
@@ -342,6 +372,11 @@ class ErrorFinder:
                     "tension_on_vessel", hardest, None, ratio, tube=tube,
                     p=100.0 * min(ratio, 1.0), name=self._titles[tube],
                 )  # fmt: skip
+        near = incidents.limits["tear"]["near"]
+        if duct.stress_ratio > near:
+            for tube, ratio in enumerate(duct.stress_ratios):
+                if ratio > near:
+                    self._near_since.setdefault(tube, incidents.tick)
         self._judge_bleeding(parted)
 
     def _judge_bleeding(self, parted: int) -> None:
@@ -526,11 +561,12 @@ class ErrorFinder:
                 incidents.note("traction_lost", i, at, -size, most=most, f=size)
         if size <= self._least_pull:
             return
-        # What holds an anatomy's tubes has no one front.
-        if not self._several:
-            if not self._duct.rod_counts[1 - i]:
-                self._judge_place(i, watch)
-            self._judge_lean(i, watch, row[PULL:])
+        # What holds an anatomy's tubes has no one front, and a hold may not be what loads a wall.
+        if self._several:
+            return
+        if not self._duct.rod_counts[1 - i]:
+            self._judge_place(i, watch)
+        self._judge_lean(i, watch, row[PULL:])
         most = limits["over_lifted"]["most"]
         if stress > most:
             incidents.note(

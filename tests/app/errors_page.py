@@ -44,7 +44,8 @@ Its mode is one of OCHRA's external error modes. Its consequence is measured up 
 An incident names its tube where there are several. An exercise names the classes that fail it,
 with the most incidents that do not; a teacher's exercise file may change them (`[errors]`,
 [class](class.md)). Where a limit fails it, the verdict names the incident of the last second that
-stands first below; a result of others only if none began before it. In the trainer's own
+stands first below; a result of others only if none began before it. The verdict on a tear of one of
+several tubes is the tear's own, which names what the hand did. In the trainer's own
 exercises no incident is allowed of these:
 
 | exercise | classes that fail it |
@@ -55,8 +56,8 @@ exercises no incident is allowed of these:
 
 **None of these numbers is a published limit of force or speed for blunt dissection: a search found
 none.** Each follows from the bed, the duct and a reaction time, or is a choice, as it says beside
-it. Values are for the thesis's duct in the bed *normal*, without an exercise. Errors of a front
-and of leaning are found at a duct in one bed only.
+it. Values are for the thesis's duct in the bed *normal*, without an exercise. Errors of a front,
+of leaning and of lifting are found at a duct in one bed only.
 
 | error | an incident begins when | the trainee reads |
 |---|---|---|

@@ -1,6 +1,7 @@
 """Exercises at an anatomy: *Critical view*, *Stop a bleeding*; errors of clips and divisions."""
 
 import math
+import re
 
 import msgspec
 import numpy as np
@@ -15,13 +16,17 @@ from app.simulation import (
     Replay,
     Session,
     Specimen,
+    exercise_at,
     exercises_offered,
     perform,
+    performed,
     read_run,
+    read_script,
     run_json,
 )
 from app.simulation.critical_view import NEXT
 from app.simulation.goals import CriticalView
+from assets import SCRIPTS
 
 
 def begun(tube: str = "gallbladder", station: float = 20.0) -> Session:
@@ -101,11 +106,11 @@ def test_an_exercise_of_the_view_alone_is_over_with_it() -> None:
     assert outcome.reason.startswith("Reached 5 of 6 points with nothing torn, at no more than ")
 
 
-def lifted(session: Session) -> str:
-    """Lift until the exercise is over; the reason."""
-    for _ in range(900):
+def lifted(session: Session, step: float = 0.2) -> str:
+    """Lift by steps of a tick, mm, until the exercise is over; the reason."""
+    for _ in range(9000):
         x, y, z = session.spatial.hands[0].target.tolist()
-        session.move_hand(0, (x, y, z + 0.2))
+        session.move_hand(0, (x, y, z + step))
         session.advance()
         if session.run.over:
             assert session.run.outcome is not None
@@ -119,12 +124,39 @@ def test_it_fails_by_a_wrong_structure_and_by_a_vessel_that_is_pulled_off() -> N
     session = begun("artery", 10.0)
     reason = lifted(session)
     assert reason.startswith("At "), reason
-    assert "the cystic artery tore at" in reason
+    assert re.search(r"the cystic artery tore at \d+ mm as the grasper pulled it", reason), reason
+    assert reason.endswith("before you pull on.")
     assert {"tear", "tension_on_vessel"} <= {each.error for each in session.run.incidents()}
     kept = read_run(run_json(session.run_file()))
     again = Replay(kept.log, session.spatial.dissection.organ)
     assert kept.agrees_with(again.run_file())
     assert again.incidents() == session.run.incidents()
+
+
+def test_a_tear_by_jaws_names_them_and_not_a_lift() -> None:
+    """The left hand holds the gallbladder meanwhile, at a break of another tube."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    exercise = exercise_at(anatomy_named("normal"), "first_view")
+    assert exercise is not None
+    session.start_exercise(exercise)
+    performed(read_script(SCRIPTS / "hasty.toml"), session)
+    outcome = session.run.outcome
+    assert outcome is not None
+    assert re.fullmatch(
+        r"At \d\.\d s the cystic artery tore at \d+ mm as the jaws of the dissector opened against "
+        r"it\. Close the jaws, draw back, and open them where only strands lie between them\.",
+        outcome.reason,
+    ), outcome.reason
+    assert "over_lifted" not in {each.error for each in session.run.incidents()}
+
+
+def test_a_tear_says_since_when_its_wall_was_near_its_break() -> None:
+    session = begun("artery", 10.0)
+    reason = lifted(session, 0.02)
+    found = re.search(r"it had first passed 70 % of its break at (\d+\.\d) s\. ", reason)
+    assert found is not None, reason
+    tear = next(each for each in session.run.incidents() if each.error == "tear")
+    assert float(found[1]) < tear.start_s - 1.0
 
 
 def test_a_duct_that_is_divided_too_early_and_with_too_few_clips_is_two_errors() -> None:

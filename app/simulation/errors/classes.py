@@ -371,7 +371,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ),
         ErrorClass(
             "over_lifted", "Lifted higher than needed", 7,
-            "the stress ratio is above `most` while a hand holds the duct",
+            "the stress ratio is above `most` while a hand holds the duct, which lies in one bed",
             "at {t:.1f} s the wall was at {p:.0f} % of its break, lifted {m:.0f} mm, and "
             "{most:.0f} % is enough here",
             "Lift less, until the strands are just taut.",
@@ -443,16 +443,18 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "the wall of a duct or of another tube tears part of the way, where it does not part "
             "at once",
             "at {t:.1f} s the wall of the {name} tore to {s:.2g} of its section at {x:.0f} "
-            "mm{leak}",
+            "mm{by}{leak}",
             "Ease the pull as soon as the wall gives, and hold it elsewhere: at three quarters it "
             "parts.",
             is_result=True,
         ),
         ErrorClass(
             "tear", "A tube tore", 7,
-            "the stress in the wall of a duct or of another tube has reached its threshold",
-            "at {t:.1f} s the {name} tore at {x:.0f} mm",
+            "the stress in the wall of a duct or of another tube has reached its threshold; of "
+            "several tubes it is known what did it, and since when the stress was above `near`",
+            "at {t:.1f} s the {name} tore at {x:.0f} mm{by}",
             "Stay below the break: watch the distance to it.",
+            (Parameter("near", "", 0.7, "where the page stops an instrument the first time"),),
             is_result=True,
         ),
     )

@@ -48,7 +48,13 @@ class Incident(msgspec.Struct, frozen=True):
     @property
     def advice(self) -> str:
         """The same, as it follows a colon."""
-        return f"{self.happened}. {ERROR_CLASSES[self.error].instead.format(**self.values)}"
+        return f"{self.happened}. {self.instead}"
+
+    @property
+    def instead(self) -> str:
+        """What to do instead: its own, where it is known what it came of, else its class's."""
+        own = self.values.get("instead")
+        return str(own) if own else ERROR_CLASSES[self.error].instead.format(**self.values)
 
 
 def cause_of(incidents: Iterable[Incident], seconds: float) -> Incident | None:

@@ -93,5 +93,5 @@ class PullErrorFinder:
 
     def tear(self, station: float) -> None:
         """Note a tear at a station, mm, in the present tick."""
-        self.incidents.note("tear", None, station, x=station, name="duct")
+        self.incidents.note("tear", None, station, x=station, name="duct", by="", instead="")
         self.incidents.end_tick("injury")

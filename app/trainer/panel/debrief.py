@@ -87,9 +87,8 @@ def next_time(
         rank = sorted(ERROR_CLASSES, key=lambda each: ERROR_CLASSES[each].is_result)
         key = min(often, key=lambda each: (-often[each], rank.index(each)))
         last = next(each for each in reversed(errors) if each.error == key)
-        instead = ERROR_CLASSES[key].instead.format(**last.values)
         again = f" That was an error in {often[key]} of {len(tries)} tries." * (often[key] > 1)
-        return f"{instead}{again}"
+        return f"{last.instead}{again}"
     if outcome is not None and outcome.passed:
         return "The same once more, so that it was no luck."
     for each in exercise.limits:

@@ -46,8 +46,9 @@ def measures_html(
     limits: Mapping[str, float],
     *,
     sought_break: bool = False,
+    torn: str = "",
 ) -> str:
-    """Return a run's measures as HTML beside those of other runs, and their limits."""
+    """Return measures as HTML beside other runs' and limits; `torn` names the tube of several."""
     # Where coming near the break was the goal, neither is better.
     rows = [
         each._replace(better="") if sought_break and each.key == DISTANCE_TO_BREAK else each
@@ -67,7 +68,7 @@ def measures_html(
         "font-variant-numeric:tabular-nums'><thead>"
         "<tr style='font-size:12px;vertical-align:bottom'>"
         "<th style='text-align:left;font-weight:400'>↓ lower, ↑ higher is better</th>"
-        f"{columns}</tr></thead><tbody>{body}</tbody></table>{_tear_html(metrics)}</div>"
+        f"{columns}</tr></thead><tbody>{body}</tbody></table>{_tear_html(metrics, torn)}</div>"
     )
 
 
@@ -120,7 +121,7 @@ def _figure(row: Metric, value: float | None) -> str:
     return figure(None if value is None else row.factor * value)
 
 
-def _tear_html(metrics: Metrics) -> str:
+def _tear_html(metrics: Metrics, torn: str) -> str:
     tear = metrics["tear"]
     if tear is None:
         return ""
@@ -130,6 +131,7 @@ def _tear_html(metrics: Metrics) -> str:
         KPA_PER_MPA * tear[key]
         for key in ("normal_stress_MPa", "bending_stress_MPa", "threshold_MPa")
     )
+    end = f"the first end of the {torn}" if torn else "the left clamp"
     load = ""
     if "force_N" in tear:
         force, deflection = figure(tear["force_N"]), figure(tear["deflection_mm"])
@@ -137,7 +139,7 @@ def _tear_html(metrics: Metrics) -> str:
     return (
         "<div data-testid='tear-measure' style='padding:6px 0;font-size:13px;line-height:1.4'>"
         f"<b>Tear</b> at {tear['time_s']:.2f} s{load}: {tear['station_mm']:.1f} mm "
-        f"from the left clamp{side}. Normal stress + bending stress &gt; threshold: "
+        f"from {end}{side}. Normal stress + bending stress &gt; threshold: "
         f"{figure(normal)} + {figure(bending)} = {figure(normal + bending)} kPa &gt; "
         f"{figure(threshold)} kPa.</div>"
     )

@@ -140,8 +140,11 @@ def show_result(
             _beside(state.session.earlier_tries(run), expert),
             {} if exercise is None else exercise.limit_of,
             sought_break=_seeks_break(exercise),
+            torn=next((str(each.values["name"]) for each in tears), "") if several else "",
         )
 
+    several = run.log.start.anatomy is not None
+    tears = [each for each in incidents if each.error == "tear"]
     by_sliders = exercise is not None and run.log.exercise_inputs == "any"
     tries = [incidents]
     if exercise is not None:
