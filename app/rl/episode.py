@@ -7,6 +7,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from app.rl.state_row import StateRow
 from app.rl.task import PIXELS, VERTICES, Task
 from app.simulation import (
     HOLDING,
@@ -54,17 +55,8 @@ class Episode:
         # Of each instrument, which of those that are known it is.
         self._one_of = dict(zip(task.known, np.eye(len(task.known)).tolist(), strict=True))
         self._camera = task.view(*task.picture) if PIXELS in self.bounds else None
-        # All of the state in one row, which is held within its bounds at once.
-        ends = [each for key, each in self.bounds.items() if key != PIXELS]
-        self._low, self._high = (
-            np.concatenate([each[end].ravel() for each in ends]) if ends else np.zeros(0)
-            for end in range(2)
-        )
-        self._row, self._state, first = self._low.copy(), dict[str, NDArray[Any]](), 0
-        for key, (low, _) in self.bounds.items():
-            if key != PIXELS:
-                self._state[key] = self._row[first : first + low.size].reshape(low.shape)
-                first += low.size
+        seen = {key: each for key, each in self.bounds.items() if key != PIXELS}
+        self._state = StateRow(seen) if seen else None
 
     @property
     def _tissue(self) -> SpatialTissue:
@@ -263,50 +255,34 @@ class Episode:
         """Write what is observed to arrays of the observation space."""
         if self._camera is not None:
             self._camera.take(self._tissue, out[PIXELS])
-        if not self._state:
+        if self._state is None:
             return
-        self._write_state(self._state)
-        row = self._row
-        if self.lost:
-            np.nan_to_num(row, copy=False)
-        np.minimum(np.maximum(row, self._low, out=row), self._high, out=row)
-        for key, each in self._state.items():
-            out[key][:] = each
-
-    def _write_state(self, out: Observation) -> None:
-        tissue, task, goal = self._tissue, self.task, self.task.goal
-        numbers: list[float] = []
-        for _, holder, force in zip(out["hands"], tissue.hands, tissue.forces, strict=False):
-            numbers += holder.place.tolist()
-            numbers += force
-            numbers += holder.node is not None, holder.opening, *self._one_of[holder.instrument]
-        out["hands"].reshape(-1)[:] = numbers
-        np.subtract(tissue.beam.places, tissue.beam.rest_places, out=out["duct"], casting="unsafe")
-        np.subtract(1.0, self._parted, out=out["strands"], casting="unsafe")
-        out["wall"][:] = tissue.stress_ratio, tissue.station, tissue.peak_stress_ratio
-        left = (task.limit_ticks - self.session.run.ticks) * TICK_SECONDS
-        progress = self._totals["progress"]
-        if goal is not None:
-            out["goal"][:] = goal.from_mm, goal.to_mm, goal.length_mm, progress, left
-        else:
-            self._write_anatomy(out)
-            out["view"][-2:] = progress, left
-
-    def _write_anatomy(self, out: Observation) -> None:
-        tissue, view = self._tissue, self._seen
-        out["tubes"][:, 0] = tissue.stress_ratios
-        out["tubes"][:, 1] = [each is not None for each in tissue.tears]
-        for row, flow in zip(out["fluids"], tissue.fluids.values(), strict=True):
-            row[:] = 1e-3 * flow.lost, 1e-3 * flow.rate
-        out["view"][:7] = (
-            view.two_structures,
-            view.triangle_cleared,
-            view.plate_freed,
-            min(view.structures.values(), default=1.0),
-            view.neck,
-            view.triangle,
-            view.plate,
+        tissue, hands = self._tissue, list[float]()
+        for holder, force in zip(tissue.hands[: self.task.hands], tissue.forces, strict=False):
+            hands += holder.place.tolist()
+            hands += force
+            hands += holder.node is not None, holder.opening, *self._one_of[holder.instrument]
+        self._state.write(
+            out, hands, tissue.beam, self._parted, self._seen_of_all(), lost=self.lost
         )
+
+    def _seen_of_all(self) -> list[float]:
+        """Return what is observed besides hands, nodes and strands."""
+        tissue, task, goal = self._tissue, self.task, self.task.goal
+        wall = tissue.stress_ratio, tissue.station, tissue.peak_stress_ratio
+        left = (task.limit_ticks - self.session.run.ticks) * TICK_SECONDS
+        end = self._totals["progress"], left
+        if goal is not None:
+            return [*wall, goal.from_mm, goal.to_mm, goal.length_mm, *end]
+        tubes = zip(tissue.stress_ratios, tissue.tears, strict=True)
+        fluids, view = tissue.fluids.values(), self._seen
+        return [
+            *wall,
+            *(number for ratio, tear in tubes for number in (ratio, tear is not None)),
+            *(1e-3 * number for flow in fluids for number in (flow.lost, flow.rate)),
+            view.two_structures, view.triangle_cleared, view.plate_freed,
+            min(view.structures.values(), default=1.0), view.neck, view.triangle, view.plate, *end,
+        ]  # fmt: skip
 
     def picture(self, height: int = 240, width: int = 320) -> NDArray[np.uint8]:
         """Return a picture, (height, width, 3)."""

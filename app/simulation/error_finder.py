@@ -169,29 +169,18 @@ class ErrorFinder:
             if hand.node is not None and hand.holds != watch.holds:
                 self._take_hold(i, hand, watch)
         force, other = duct.forces
-        parted = _LOOK(
+        parted, striking = _LOOK(
             state.damage, self._damage, state.side, state.press,
             duct.rod_counts, (a.node is not None, b.node is not None),
-            (a.place, b.place), (a.opening, b.opening), (*force, *other),
+            (a.place, b.place), (a.opening, b.opening), (*force, *other), self._least_pull,
             self._tracks, self._presses, self._turned, self._seen,
         )  # fmt: skip
-        seen: list[list[float]] = self._seen.tolist()
-        holding = (a.node is not None) + (b.node is not None)
-        for i, (hand, watch, row) in enumerate(zip(hands, watches, seen, strict=True)):
-            if row[TURNS]:
-                watch.turns.extend([incidents.tick] * int(row[TURNS]))
-            if hand.node is not None:
-                self._judge_hold(i, hand, watch, row, other_dissects=seen[1 - i][GOING] > 0.0)
-            elif row[TOUCHING] or row[PARTED] or row[PRESS]:
-                self._judge_instrument(i, hand, watch, row, holding=holding)
-            if len(duct.pose) >= SCOPE_NUMBERS:
-                self._judge_picture(i, hand, watch, row)
-        if holding:
-            self._judge_pace(seen, parted=parted > 0)
+        if striking or self._several or len(duct.pose) >= SCOPE_NUMBERS:
+            self._judge_hands(parted)
         if out_of_sight and out_of_sight >= incidents.limits["unseen"]["strands"]:
             incidents.note("unseen", None, duct.station, out_of_sight, out_of_sight)
         if self._several:
-            self._judge_tubes(seen, parted)
+            self._judge_tubes(self._seen.tolist(), parted)
         self._torn = False
         if (
             len(duct.events) != self._events
@@ -206,6 +195,23 @@ class ErrorFinder:
             self.most_points = max(self.most_points or 0, self._points)
         if incidents.followed:
             incidents.end_tick(self._consequence(stress, out_of_sight))
+
+    def _judge_hands(self, parted: int) -> None:
+        """Judge what each hand does, where strands parted or not."""
+        duct, hands, incidents = self._duct, self._duct.hands, self.incidents
+        seen: list[list[float]] = self._seen.tolist()
+        holding = sum(hand.node is not None for hand in hands)
+        for i, (hand, watch, row) in enumerate(zip(hands, self._watches, seen, strict=True)):
+            if row[TURNS]:
+                watch.turns.extend([incidents.tick] * int(row[TURNS]))
+            if hand.node is not None:
+                self._judge_hold(i, hand, watch, row, other_dissects=seen[1 - i][GOING] > 0.0)
+            elif row[TOUCHING] or row[PARTED] or row[PRESS]:
+                self._judge_instrument(i, hand, watch, row, holding=holding)
+            if len(duct.pose) >= SCOPE_NUMBERS:
+                self._judge_picture(i, hand, watch, row)
+        if holding:
+            self._judge_pace(seen, parted=parted > 0)
 
     def _start_track(self, i: int) -> None:
         """Start a new track where a hand is."""
@@ -628,9 +634,17 @@ def _norm(x: float, y: float, z: float) -> float:
 def _look(
     damage: Floats, before: Floats, side: Bytes, press: Floats, rods: tuple[int, int],
     holds: tuple[bool, bool], places: tuple[Floats, Floats], openings: tuple[float, float],
-    forces: tuple[float, ...], tracks: Floats, presses: Floats, turned: Floats, seen: Floats,
-) -> int:  # fmt: skip
-    """Write what a tick shows of the hands; return how many strands parted."""
+    forces: tuple[float, ...], least_pull: float, tracks: Floats, presses: Floats, turned: Floats,
+    seen: Floats,
+) -> tuple[int, bool]:  # fmt: skip
+    """Write what a tick shows of the hands.
+
+    Returns
+    -------
+    tuple[int, bool]
+        How many strands parted, and whether hands are to be judged: those that touch and part
+        nothing, go straight on and pull less than `least_pull` are not.
+    """
     # A strand that touches both of a hand's rods is counted twice among those that touch.
     for i in range(HANDS):
         first, last = 2 * i, 2 * i + rods[i]
@@ -694,7 +708,15 @@ def _look(
                         seen[i, GOING] += 1.0
                         break
         before[s] = damage[s]
-    return parted
+    striking = False
+    for i in range(HANDS):
+        row = seen[i]
+        striking |= row[TURNS] != 0.0
+        if holds[i]:
+            striking |= row[SIZE] > least_pull or seen[1 - i, GOING] > 0.0
+        else:
+            striking |= row[TOUCHING] != 0.0 or row[PARTED] != 0.0 or row[PRESS] != 0.0
+    return parted, striking
 
 
 @kernel()

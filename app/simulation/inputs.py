@@ -136,7 +136,8 @@ class InputLog:
             del rows[last:]
         else:
             self.count, self._last = self.count + 1, len(rows)
-        rows.extend((tick, key, len(values), *values))  # pyright: ignore[reportArgumentType]
+        # A list, as it is taken in half the time of a tuple.
+        rows.fromlist([tick, key, len(values), *values])  # pyright: ignore[reportArgumentType]
 
     def inputs(self) -> list[Input]:
         """Return the inputs so far."""

@@ -9,7 +9,7 @@ within 0.4 % of that with steps four times as short, at 40 mm/s within 2.6 % (do
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,8 +48,9 @@ from app.simulation.structures import entering_tubes, front_strands, named_struc
 from app.simulation.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.trocar import TROCARS
 from kernel_cache import SameTypes, kernel
-from physics import DEEPEST, RuptureCheck
-from physics.bed import BeamOnBed, Network, WorstStress
+from physics import DEEPEST, NoEquilibrium, RuptureCheck
+from physics.bed import BeamOnBed, Network, WorstStress, kernels, step_numbers
+from physics.bed.kernels.state import copy_rows
 
 __all__ = [
     "CLIP_OPENING",
@@ -334,6 +335,8 @@ class SpatialTissue:
         self.broken: int = self.beam.broken
         self.freed = self.beam.freed  # mm
         self._before = np.empty_like(self.beam.places)
+        self._stresses = np.empty_like(self.beam.walls)
+        self._found = np.zeros((WORST + len(tubes.names), RATIO + 1))
         self._still = True
         self._torn_ticks = 0
         self._forget_reading()
@@ -449,8 +452,13 @@ class SpatialTissue:
     ) -> Vector | None:
         """Set where a hand's tip goes, within its reach; return that, or None as it was before."""
         (a, b), (c, d), (e, f) = self._reach
-        place = min(max(x, a), b), min(max(y, c), d), min(max(z, e), f)
-        if [*place] == before:
+        # Comparisons: each min or max takes as long as all of them.
+        place = (
+            a if x < a else b if x > b else x,
+            c if y < c else d if y > d else y,
+            e if z < e else f if z > f else z,
+        )
+        if place == (before[0], before[1], before[2]):
             return None
         if self.rod_counts[hand]:  # it may part strands before a hand takes hold
             begin()
@@ -776,27 +784,40 @@ class SpatialTissue:
         a, b = self.hands
         if self._still and a.arrived and b.arrived:
             return False
-        self._forget_reading()
-        beam, state = self.beam, self.beam.state
+        self._whole, self._reading, self._forces = False, None, None
         a.part_jaws()
         b.part_jaws()
-        _LEAD(
-            (a.place, b.place), (a.speed, b.speed), (a.target, b.target), self._nodes(),
-            self.rod_counts, (_jaw_offset(a), _jaw_offset(b)),
-            (a.spread, b.spread), state.goal_to, state.rods_to, state.x, self._before,
-        )  # fmt: skip
         before = self.stress_ratio
-        beam.tick(TICK_SECONDS, ticks=SUBSTEPS)
-        farthest, broken = _CHANGES(self._before, state.x, state.damage)
+        self.step()
+        (farthest, broken, *_), one, two, *worst = self._found.tolist()
+        self._forces = [one[:3], two[:3]]
         relaxes = self._relaxing != (None, None)
         self._still = farthest <= (RELAXED_MM if relaxes else STILL_MM)
         if broken != self.broken:
-            self.broken, self.freed = broken, beam.freed
-        self._take_stresses()
+            self.broken, self.freed = int(broken), self.beam.freed
+        self._take_stresses(worst)
         self._slip()
         if relaxes and abs(self.stress_ratio - before) > RELAXED_FRACTION:
             self._still = False
         return True
+
+    def step(self) -> None:
+        """Move hands and beam for a tick; lets other threads run meanwhile."""
+        a, b = self.hands
+        if self._arguments is None:
+            self._arguments = self._arguments_now()
+        if not _STEP((_jaw_offset(a), _jaw_offset(b)), *self._arguments):
+            raise NoEquilibrium("the beam is lost: no step makes its energy less")
+
+    def _arguments_now(self) -> tuple[Any, ...]:
+        """Return what `step` hands over besides the jaws' places, until an input changes it."""
+        beam, (a, b) = self.beam, self.hands
+        self._stations = [beam.stations_of(name).tolist() for name in self.tubes.names]
+        return (
+            beam.state, (a.place, b.place), (a.speed, b.speed), (a.target, b.target),
+            self._nodes(), self.rod_counts, (a.spread, b.spread), self._before, _NUMBERS,
+            beam.walls, beam.first_elements, np.array(self.strengths), self._stresses, self._found,
+        )  # fmt: skip
 
     def _slip(self) -> None:
         """Let tissue slip out of graspers that pull harder than they grip."""
@@ -811,18 +832,29 @@ class SpatialTissue:
                 self.release(number)
                 hand.slips += 1
 
-    def _take_stresses(self) -> None:
+    def _take_stresses(self, found: list[list[float]]) -> None:
         """Hold the walls' stresses against their strengths; tear those that are past them."""
-        beam, surfaces, strengths = self.beam, self.tubes.surfaces, self.strengths
-        worsts: list[WorstStress] = beam.worst_stresses()
-        ratios = self.stress_ratios = [
-            each.total / strength for each, strength in zip(worsts, strengths, strict=True)
-        ]
+        beam = self.beam
+        worsts: list[WorstStress] = []
+        if beam.nominal:
+            ratios = [each[RATIO] for each in found]
+        else:
+            worsts = beam.worst_stresses()
+            ratios = [a.total / b for a, b in zip(worsts, self.strengths, strict=True)]
+        self.stress_ratios = ratios
         ratio = self.stress_ratio = max(ratios)
-        self.worst_tube = worst_tube = ratios.index(ratio)
-        self.station = worsts[worst_tube].station / surfaces[worst_tube].scale
+        tube = self.worst_tube = ratios.index(ratio)
+        at = worsts[tube].station if worsts else self._stations[tube][int(found[tube][0])]
+        self.station = at / self.tubes.surfaces[tube].scale
         self.peak_stress_ratio = max(self.peak_stress_ratio, ratio)
-        for tube, name in enumerate(self.tubes.names if ratio > 1.0 else ()):
+        if ratio > 1.0:
+            self._tear_walls()
+
+    def _tear_walls(self) -> None:
+        """Tear the walls whose stress is past their strength."""
+        beam, surfaces, strengths = self.beam, self.tubes.surfaces, self.strengths
+        ratios, worsts = self.stress_ratios, beam.worst_stresses()
+        for tube, name in enumerate(self.tubes.names):
             if ratios[tube] <= 1.0 or self.tears[tube] is not None:
                 continue
             worst = worsts[tube]
@@ -1146,6 +1178,7 @@ class SpatialTissue:
 
     def _forget_reading(self) -> None:
         self._whole = False
+        self._arguments: tuple[Any, ...] | None = None
         self._reading: Reading | None = None
         self._forces: list[list[float]] | None = None
 
@@ -1187,29 +1220,19 @@ def _with_free_end(network: Network) -> Network:
     return replace(network, tubes={**network.tubes, name: free})
 
 
-@kernel()
-def _changes(before: Floats, places: Floats, damage: Floats) -> tuple[float, int]:
-    """Return how far the node has moved that moved farthest, mm, and how many strands parted."""
-    farthest, parted = 0.0, 0
-    for n in range(places.shape[0]):
-        for i in range(3):
-            farthest = max(farthest, abs(places[n, i] - before[n, i]))
-    for i in range(damage.shape[0]):
-        parted += damage[i] >= 1.0
-    return farthest, parted
-
-
 Both = tuple[Floats, Floats]
+WORST, RATIO = 1 + HANDS, 4
+"""Of what a tick finds the first row of the walls' worst stresses, as `kernels.worst_stresses` has
+them, and the column of their share of the strength. Before these: how far the node moved that moved
+farthest, mm, and how many strands have parted; and the force of each hand, N."""
 
 
 @kernel()
 def _lead(
     place: Both, speed: Both, target: Both, node: tuple[int, int], rods: tuple[int, int],
     apart: tuple[float, float], spread: tuple[Vector, Vector], goal: Floats, rods_to: Floats,
-    places: Floats, before: Floats,
 ) -> None:  # fmt: skip
     """Move both tips for a tick, and what they lead: a node that is held, rods so far off."""
-    # Also keep the places of nodes as they are before it.
     for hand in range(HANDS):
         follow(place[hand], speed[hand], target[hand])
         for r in range(3):
@@ -1220,9 +1243,6 @@ def _lead(
                 rods_to[2 * hand, r] = place[hand][r] - offset
             if rods[hand] > 1:
                 rods_to[2 * hand + 1, r] = place[hand][r] + offset
-    for n in range(places.shape[0]):
-        for r in range(3):
-            before[n, r] = places[n, r]
 
 
 @kernel()
@@ -1236,6 +1256,36 @@ def _sum_forces(
             out[hand, r] = react[node[hand], r] + load[node[hand], r] if node[hand] >= 0 else 0.0
             for rod in range(2 * hand, 2 * hand + rods[hand]):
                 out[hand, r] += pull[rod, r]
+
+
+@kernel(error_model="numpy", nogil=True)
+def _step(
+    apart: tuple[float, float], s: kernels.State, place: Both, speed: Both, target: Both,
+    node: tuple[int, int], rods: tuple[int, int], spread: tuple[Vector, Vector], before: Floats,
+    numbers: Vector, walls: Floats, firsts: NDArray[np.int64], strengths: Floats,
+    stresses: Floats, found: Floats,
+) -> bool:  # fmt: skip
+    """Do a tick, and write what it finds; False if no tangent is definite."""
+    # All in one call: between two of them Python does little else than to hand arrays over.
+    _lead(place, speed, target, node, rods, apart, spread, s.goal_to, s.rods_to)
+    copy_rows(before, s.x)
+    if not kernels.tick(s, int(SUBSTEPS), numbers[0], numbers[1], numbers[2]):
+        return False
+    farthest, parted = 0.0, 0
+    for n in range(s.x.shape[0]):
+        for r in range(3):
+            farthest = max(farthest, abs(s.x[n, r] - before[n, r]))
+    for i in range(s.damage.shape[0]):
+        parted += s.damage[i] >= 1.0
+    found[0, 0], found[0, 1] = farthest, parted
+    _sum_forces(node, rods, s.react, s.load, s.pull, found[1:WORST])
+    kernels.nominal_stresses(s.section, walls, stresses)
+    kernels.worst_stresses(stresses, firsts, found[WORST:])
+    for tube in range(strengths.size):
+        row = found[WORST + tube]
+        bending = math.sqrt(row[2] * row[2] + row[3] * row[3])
+        row[RATIO] = (row[1] + bending) / strengths[tube]
+    return True
 
 
 def _jaw_offset(hand: Hand) -> float:
@@ -1260,4 +1310,5 @@ def _vector(values: list[float]) -> Vector:
     return x, y, z
 
 
-_LEAD, _CHANGES, _FORCES = SameTypes(_lead), SameTypes(_changes), SameTypes(_sum_forces)
+_STEP, _FORCES = SameTypes(_step), SameTypes(_sum_forces)
+_NUMBERS = step_numbers(TICK_SECONDS / SUBSTEPS)

@@ -1,6 +1,6 @@
 """A beam in space on a bed of strands that part: blunt dissection, in mm, N and MPa."""
 
-from physics.bed.beam_on_bed import BeamOnBed
+from physics.bed.beam_on_bed import BeamOnBed, step_numbers
 from physics.bed.bed import Bed, Patch
 from physics.bed.flow import Flow, Fluid
 from physics.bed.network import Join, Network
@@ -28,5 +28,6 @@ __all__ = [
     "Strands",
     "WorstStress",
     "pull",
+    "step_numbers",
     "step_places",
 ]

@@ -25,7 +25,7 @@ from physics.equilibrium import NoEquilibrium
 from physics.quantity import finite, positive
 from physics.tear_growth import DEEPEST, START
 
-__all__ = ["BeamOnBed"]
+__all__ = ["BeamOnBed", "step_numbers"]
 
 Floats = NDArray[np.float64]
 
@@ -381,14 +381,17 @@ class BeamOnBed(Readings):
             raise ValueError(f"a tick must be divided into 1 part or more, got {ticks}")
         if not 0.0 < seconds < math.inf:
             positive(seconds, "a tick", "s")
-        step = seconds / ticks
-        if not _TICK(self.state, ticks, step / (DELAY + step), DRAG / step, step):
+        if not _TICK(self.state, ticks, *step_numbers(seconds / ticks)):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 
     def assemble_ahead(self, seconds: float) -> None:
         """Do what the next `tick` of so many seconds does wherever hands lead; the same bits."""
-        step = positive(seconds, "a tick", "s")
-        _AHEAD(self.state, step / (DELAY + step))
+        _AHEAD(self.state, step_numbers(positive(seconds, "a tick", "s"))[0])
+
+
+def step_numbers(step: float) -> tuple[float, float, float]:
+    """Return what `kernels.tick` takes besides the state and a number of steps, each so many s."""
+    return step / (DELAY + step), DRAG / step, step
 
 
 def _rod_row(tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float) -> Floats:

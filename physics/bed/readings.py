@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kernel_cache import SameTypes, kernel
+from kernel_cache import SameTypes
 from physics.bed import kernels
-from physics.bed.kernels.vectors import Ints, Three, inner
 from physics.bed.layout import Rest, times
 from physics.bed.nick import Nick
 from physics.quantity import finite
@@ -279,9 +278,7 @@ class Readings:
         """Return the (N - 1, 2, 3) stresses of the wall at both ends of each element, MPa."""
         # Nominal, forces over areas at rest: normal, and of bending at the outermost fibres up and
         # across the beam. Above zero, bending stretches the side up and the one away from y.
-        wall, section = self._rest.wall, self.state.section
-        if wall is None:
-            raise ValueError("the beam has no wall from which stresses could be read")
+        wall, section = self.walls, self.state.section
         rows = None if self._rest.fibres is None else self._rest.fibres[1]
         if self._rest.nicks:
             section, wall = section.copy(), wall.copy()
@@ -292,7 +289,7 @@ class Readings:
         if rows is not None:
             kernels.end_stresses(section, self.state.strained, rows, wall, out)
         else:
-            _all_nominal(section, wall, out)
+            _NOMINAL(section, wall, out)
         for nick in self._rest.nicks:
             for e, end, _ in self._at_nick(nick):
                 out[e, end, 1], out[e, end, 2] = nick.back(out[e, end, 1], out[e, end, 2])
@@ -348,27 +345,36 @@ class Readings:
                 row[kernels.OUTER_2] *= edges[0]
                 row[kernels.OUTER_3] *= edges[1]
 
+    @property
+    def nominal(self) -> bool:
+        """Whether all stresses are forces over areas: of linear walls none of which is nicked."""
+        return not self._rest.nicks and self._rest.fibres is None
+
     def worst_stresses(self) -> list[WorstStress]:
         """Return the largest stress over the nodes of each tube's wall, in order."""
-        rest = self._rest
-        if rest.wall is None:
-            raise ValueError("the beam has no wall from which stresses could be read")
-        given = self.stresses() if rest.nicks or rest.fibres else _NONE
-        found = np.empty((len(rest.tubes), 4))
-        _WORST(self.state.section, rest.wall, given, self._firsts, found)
+        tubes = self._rest.tubes
+        found = np.empty((len(tubes), 4))
+        _WORST(self.stresses(), self.first_elements, found)
         return [
             WorstStress(float(tube.stations[int(node)]), normal, up, across)
-            for tube, (node, normal, up, across) in zip(rest.tubes, found.tolist(), strict=True)
+            for tube, (node, normal, up, across) in zip(tubes, found.tolist(), strict=True)
         ]
 
     @cached_property
-    def _firsts(self) -> NDArray[np.int64]:
+    def first_elements(self) -> NDArray[np.int64]:
         """(T + 1,) the first element of each tube, and where the last one's end."""
         return np.array([0, *(each.elements.stop for each in self._rest.tubes)])
 
     def worst_stress(self, tube: str | None = None) -> WorstStress:
         """Return the largest stress of a tube's wall over its nodes."""
         return self.worst_stresses()[self._rest.tubes.index(self._rest.tube(tube))]
+
+    @property
+    def walls(self) -> Floats:
+        """(E, 2, 3) what forces and moments at the elements' ends are divided by: mm^2, mm^3."""
+        if self._rest.wall is None:
+            raise ValueError("the beam has no wall from which stresses could be read")
+        return self._rest.wall
 
     @cached_property
     def _tightest(self) -> float:
@@ -386,47 +392,4 @@ class Readings:
         return 1e-15 * max(beam, self._tightest) * self.network.span
 
 
-_NONE = np.empty((0, 2, 3))
-
-
-@inner
-def nominal(section: Floats, wall: Floats, element: int, end: int) -> Three:
-    """Return forces and moments at an end of an element over what the wall has for them."""
-    up, across = section[element, 4 + 3 * end], section[element, 5 + 3 * end]
-    return (
-        section[element, 9 + end] / wall[element, end, 0],
-        up / wall[element, end, 1],
-        across / wall[element, end, 2],
-    )
-
-
-@kernel(error_model="numpy")
-def _all_nominal(section: Floats, wall: Floats, out: Floats) -> None:
-    """Write the stresses at both ends of each element."""
-    for element in range(section.shape[0]):
-        for end in range(2):
-            out[element, end, 0], out[element, end, 1], out[element, end, 2] = nominal(
-                section, wall, element, end
-            )
-
-
-@kernel(error_model="numpy")
-def _worst(section: Floats, wall: Floats, given: Floats, firsts: Ints, found: Floats) -> None:
-    """Write each tube's node with the largest stress, and its stresses: those given, if any."""
-    for tube in range(found.shape[0]):
-        largest, first = 0.0, firsts[tube]
-        found[tube] = 0.0
-        for element in range(first, firsts[tube + 1]):
-            for end in range(2):
-                if given.shape[0]:
-                    normal = given[element, end, 0]
-                    up, across = given[element, end, 1], given[element, end, 2]
-                else:
-                    normal, up, across = nominal(section, wall, element, end)
-                total = normal + math.sqrt(up * up + across * across)
-                if total > largest:
-                    largest, found[tube, 0] = total, element - first + end
-                    found[tube, 1], found[tube, 2], found[tube, 3] = normal, up, across
-
-
-_WORST = SameTypes(_worst)
+_NOMINAL, _WORST = SameTypes(kernels.nominal_stresses), SameTypes(kernels.worst_stresses)

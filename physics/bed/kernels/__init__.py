@@ -94,6 +94,8 @@ from physics.bed.kernels.wall import (
     STRENGTH,
     WALL_ROWS,
     end_stresses,
+    nominal_stresses,
+    worst_stresses,
 )
 
 __all__ = [
@@ -170,6 +172,7 @@ __all__ = [
     "equilibrium",
     "group_nodes",
     "nearest_core",
+    "nominal_stresses",
     "path_round",
     "remember",
     "rest_gaps",
@@ -181,5 +184,6 @@ __all__ = [
     "tick",
     "turn_arms",
     "update_rod_contacts",
+    "worst_stresses",
     "yielded",
 ]

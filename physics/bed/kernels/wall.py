@@ -26,7 +26,7 @@ import math
 import numpy as np
 
 from kernel_cache import kernel
-from physics.bed.kernels.vectors import Floats, Nine, Three, added, inlined, inner, scaled
+from physics.bed.kernels.vectors import Floats, Ints, Nine, Three, added, inlined, inner, scaled
 from physics.exponential import MOST, exponential_stress
 
 # Columns of a table of walls: E A, N; the plane law's outer fibres, their distances, mm, where the
@@ -317,3 +317,29 @@ def end_stresses(
             )  # fmt: skip
             bending = max(most * force / area - n / area, 0.0)
             out[e, end, 1], out[e, end, 2] = bending * up, bending * across
+
+
+@kernel(error_model="numpy")
+def nominal_stresses(section: Floats, wall: Floats, out: Floats) -> None:
+    """Write the same as forces and moments over what the wall has for them at rest."""
+    for e in range(section.shape[0]):
+        for end in range(2):
+            out[e, end, 0] = section[e, 9 + end] / wall[e, end, 0]
+            out[e, end, 1] = section[e, 4 + 3 * end] / wall[e, end, 1]
+            out[e, end, 2] = section[e, 5 + 3 * end] / wall[e, end, 2]
+
+
+@kernel(error_model="numpy")
+def worst_stresses(stresses: Floats, firsts: Ints, found: Floats) -> None:
+    """Write the node of each tube under the largest of these stresses, and its three."""
+    for tube in range(found.shape[0]):
+        largest, first = 0.0, firsts[tube]
+        found[tube] = 0.0
+        for element in range(first, firsts[tube + 1]):
+            for end in range(2):
+                normal = stresses[element, end, 0]
+                up, across = stresses[element, end, 1], stresses[element, end, 2]
+                total = normal + math.sqrt(up * up + across * across)
+                if total > largest:
+                    largest, found[tube, 0] = total, element - first + end
+                    found[tube, 1], found[tube, 2], found[tube, 3] = normal, up, across
