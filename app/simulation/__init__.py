@@ -7,7 +7,7 @@ What is listed here is the package's public face; other packages import from it 
 from app.bed_preset import BedPreset, bed_named, bed_presets
 from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
 from app.simulation.comparison import Ghost, GhostReading, SwingingChain
-from app.simulation.critical_view import MOST_POINTS, CriticalView, Tenting
+from app.simulation.critical_view import MOST_POINTS, CriticalView, NextStep, Tenting
 from app.simulation.dissection import PIECES, Dissection, default_preset, fits, organ_beam
 from app.simulation.drawn_duct import Stresses, SurfaceStress
 from app.simulation.errors import (
@@ -173,6 +173,7 @@ __all__ = [
     "Load",
     "Metric",
     "Metrics",
+    "NextStep",
     "NickReading",
     "Opening",
     "OrganBeam",

@@ -1,11 +1,18 @@
 """The critical view of safety and a tented duct, as `Safety` finds them (docs/anatomy-file.md)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from app.anatomy import tube_title
 
-__all__ = ["ENOUGH", "MOST_POINTS", "NEXT", "SOME", "Closing", "CriticalView", "Part", "Tenting"]
+__all__ = [
+    "ENOUGH", "MOST_POINTS", "PART", "SOME", "TAKE_HOLD", "Closing", "CriticalView", "NextStep",
+    "Part", "Tenting", "Where", "closing_step",
+]  # fmt: skip
 
 MOST_POINTS = 6
 """Of the critical view: two for each of its parts."""
@@ -14,13 +21,29 @@ ENOUGH, SOME = 0.9, 0.6
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 
 Part = Literal["triangle", "tubes", "plate"]
-NEXT: dict[Part, str] = {
-    "triangle": "next, the triangle: part what holds the cystic duct, the artery and the common "
-    "duct together",
-    "tubes": "next, the two tubes: go round the cystic duct and the artery at the gallbladder",
-    "plate": "next, the cystic plate: part the gallbladder's lower third from the liver",
+Where = Literal["between", "deep", "behind", "plate"]
+PART: dict[Where, str] = {
+    "between": "Next: part the tissue between {} and {}, dissector in the right hand; "
+    "turn (J, L) a jaw towards each.",
+    "deep": "Next: part the deep tissue between {} and {}, right angle in the right hand; "
+    "turn (J, L) its tip between them.",
+    "behind": "Next: part the tissue behind the {}, right angle in the right hand; "
+    "turn (J, L) its tip across it, and pass under.",
+    "plate": "Next: part the {} from the liver: draw it off with the left hand's grasper, "
+    "and part between with the right hand's dissector.",
 }
-"""What to do for each part, in the order in which they are begun."""
+"""How to part what holds, by where it is of the tubes that it holds."""
+TAKE_HOLD = (
+    "Next: take hold of the {} near its neck with the left hand's grasper, and draw it aside."
+)
+MARK = "Next: mark the {}: choose it under Point at, and press it in the picture (K, then G)."
+CLIP = (
+    "Next: clip the {} {} the gallbladder, clip applier in the right hand; turn (J, L) a jaw to "
+    "either side."
+)
+DIVIDE = (
+    "Next: divide the {} between its clips, {} to stay and {} to go, scissors in the right hand."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,3 +125,24 @@ class Closing(NamedTuple):
     stay: int  # clips on the side that stays; all of them before it is divided
     go: int  # clips on the side that goes with the gallbladder
     divided: bool
+
+
+class NextStep(NamedTuple):
+    """What an exercise asks for next."""
+
+    words: str
+    strands: NDArray[np.int64]  # that it is about; none once there is nothing to part
+
+
+def closing_step(closings: Sequence[Closing], stay: int, go: int) -> str:
+    """Return what to do next with the first structure that is not yet closed; empty if all are."""
+    for each in closings:
+        name, clips = tube_title(each.tube), each.stay + each.go
+        if not each.marked:
+            return MARK.format(name)
+        if each.divided:
+            continue
+        if clips < stay + go:
+            return CLIP.format(name, "away from" if clips < stay else "beside")
+        return DIVIDE.format(name, stay, go)
+    return ""

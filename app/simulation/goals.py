@@ -8,7 +8,7 @@ import msgspec
 
 from app.anatomy import tube_title
 from app.simulation.clock import TICK_SECONDS
-from app.simulation.critical_view import MOST_POINTS, NEXT, Closing
+from app.simulation.critical_view import MOST_POINTS, Closing
 from app.simulation.grasped_beam import GraspedBeam
 from app.simulation.inputs import STRUCTURES, Structure
 from app.simulation.metrics import Metrics
@@ -384,8 +384,7 @@ class _Viewing:
         if self._ticks % VIEW_TICKS == 0:
             view = recorder.critical_view()
             self._points = view.total
-            part = view.next_part
-            self._show([*([] if part is None else [NEXT[part]]), *view.checklist()])
+            self._show(view.checklist())
         self._ticks += 1
         if self._points < self._goal.points:
             return False

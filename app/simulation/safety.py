@@ -8,12 +8,27 @@ count, and no part has a point.
 """
 
 import math
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.anatomy import Anatomy
-from app.simulation.critical_view import ENOUGH, SOME, Closing, CriticalView, Part, Tenting
+from app.anatomy import Anatomy, tube_title
+from app.simulation.critical_view import (
+    ENOUGH,
+    PART,
+    SOME,
+    TAKE_HOLD,
+    Closing,
+    CriticalView,
+    NextStep,
+    Part,
+    Tenting,
+    Where,
+    closing_step,
+)
+from app.simulation.exercise import Exercise
+from app.simulation.goals import CriticalView as Goal
 from app.simulation.inputs import Structure
 from app.simulation.spatial_tissue import SpatialTissue
 from app.simulation.structures import LOWER_FRACTION, entering_tubes, named_structures
@@ -31,6 +46,9 @@ STRUCTURE_MM = 6.0
 MARGIN_MM = 2.0
 """mm by which the triangle of the axes is wider."""
 BIN_MM = 1.0
+BEGUN, DEEP_MM = 0.1, 0.5
+"""Of the triangle's strands that have parted, from which on one has begun; and how far behind both
+tubes' axes what holds between them lies, from which on a straight instrument does not reach it."""
 ALONG_MM = 10.0
 """Length of duct, to either side of the junction, over which its direction is taken."""
 
@@ -53,7 +71,9 @@ class Safety:
         anatomy = tissue.specimen.anatomy
         if anatomy is None:
             raise ValueError("a critical view of safety needs an anatomy, not a single duct")
-        self._tissue = tissue
+        self.tissue = tissue
+        """What is judged."""
+
         self.gallbladder, self.cystic, self.common = named_structures(anatomy)
         entering = entering_tubes(anatomy, self.gallbladder)
         names, strands = tissue.tubes.names, tissue.tubes.strands
@@ -98,7 +118,7 @@ class Safety:
 
     def closings(self) -> list[Closing]:
         """Return how far each structure that enters the gallbladder is marked and closed."""
-        tissue, out = self._tissue, list[Closing]()
+        tissue, out = self.tissue, list[Closing]()
         for name, end in self.entering.items():
             own = [each for each in tissue.events if each.tube == name]
             clips = [each.station for each in own if each.kind == "clip"]
@@ -113,7 +133,7 @@ class Safety:
 
     def _inside(self, anatomy: Anatomy) -> Mask:
         """Return which strands lie in the triangle of junction, neck and hilum at rest."""
-        tissue, strands = self._tissue, self._tissue.tubes.strands
+        tissue, strands = self.tissue, self.tissue.tubes.strands
         tubes, names = tissue.tubes.network.tubes, tissue.tubes.names
         common = tubes[self.common]
         junction = tubes[self.cystic].places[0 if self._from_common(anatomy) else -1]
@@ -138,7 +158,7 @@ class Safety:
 
     def critical_view(self) -> CriticalView:
         """Return the critical view of safety as it is now."""
-        tissue = self._tissue
+        tissue = self.tissue
         # Nothing else changes it.
         now = tissue.beam, tissue.beam.broken, tissue.tears.copy(), len(tissue.events)
         if now != self._viewed:
@@ -146,7 +166,7 @@ class Safety:
         return self._view
 
     def _looked(self) -> CriticalView:
-        tissue = self._tissue
+        tissue = self.tissue
         parted = tissue.beam.damage >= 1.0
 
         def fraction(which: Mask) -> float:
@@ -176,16 +196,63 @@ class Safety:
             points = 0, 0, 0
         return CriticalView(*points, structures, neck, triangle, plate, torn)
 
-    def strands_of(self, part: Part) -> Ints:
-        """Return the strands, parted or not, that a part of the view is judged by."""
-        which = {"triangle": self._triangle, "plate": self._plate, "tubes": self._neck}[part]
-        if part == "tubes":
-            which = np.any([which, *self._about.values()], axis=0)
-        return np.flatnonzero(which)
+    def next_step(self, exercise: Exercise, *, viewed: bool) -> NextStep | None:
+        """Return what an exercise of a critical view asks for next; None where nothing is left."""
+        # Once it is viewed, what closes its structures; else to part what holds most of the part
+        # with the fewest points.
+        goal, view = exercise.goal, self.critical_view()
+        if not isinstance(goal, Goal):
+            return None
+        if viewed:
+            words = closing_step(self.closings(), goal.stay, goal.go)
+            return NextStep(words, np.zeros(0, dtype=np.int64)) if words else None
+        if view.next_part is None:
+            return None
+        tissue, strands = self.tissue, self.tissue.tubes.strands
+        left = np.flatnonzero(self._lacking(view, view.next_part) & (tissue.beam.damage < 1.0))
+        if not left.size:
+            return None
+        of, to, names = strands.tubes[left], strands.to[left], tissue.tubes.names
+        # A number of both ends, whichever of them it grows from.
+        ends = np.maximum(of, to) * len(names) + np.minimum(of, to) + 1
+        left = left[ends == np.bincount(ends).argmax()]
+        held = [names[each] for each in (strands.tubes[left[0]], strands.to[left[0]]) if each >= 0]
+        return NextStep(self._how(view, held, left), left)
+
+    def _how(self, view: CriticalView, names: list[str], strands: Ints) -> str:
+        """Return how to part strands between tubes, or of one to its bed: a sentence."""
+        held = {each.tube for each in self.tissue.hands if each.node is not None}
+        if view.triangle < BEGUN and self.tissue.tubes.names.index(self.gallbladder) not in held:
+            return TAKE_HOLD.format(tube_title(self.gallbladder))
+        where: Where = "between"
+        if len(names) == 1:
+            where = "plate" if names[0] == self.gallbladder else "behind"
+        elif self._in_front[strands].mean() < -DEEP_MM:
+            where = "deep"
+        return PART[where].format(*map(tube_title, names))
+
+    @cached_property
+    def _in_front(self) -> Floats:
+        """How far the middle of each strand between tubes is in front of both axes, (S,) mm."""
+        tubes, strands = self.tissue.tubes.network.tubes, self.tissue.tubes.strands
+        axes = np.zeros((2, strands.count))
+        for number, tube in enumerate(tubes.values()):
+            for row, of, at in (
+                (0, strands.tubes, strands.stations), (1, strands.to, strands.to_stations),
+            ):  # fmt: skip
+                axes[row, of == number] = tube.places_at(at[of == number])[0][:, 2]
+        return 0.5 * (strands.ends[:, 2] + strands.feet[:, 2]) - axes.mean(axis=0)
+
+    def _lacking(self, view: CriticalView, part: Part) -> Mask:
+        """Return the strands, parted or not, of what a part of the view does not have yet."""
+        if part != "tubes":
+            return self._triangle if part == "triangle" else self._plate
+        masks = [self._about[name] for name, free in view.structures.items() if free < ENOUGH]
+        return np.any([*masks, *([self._neck] if view.neck < ENOUGH else [])], axis=0)
 
     def freed_all_round(self) -> dict[str, float]:
         """Return the longest stretch of each structure that nothing holds any more, mm."""
-        tissue, strands = self._tissue, self._tissue.tubes.strands
+        tissue, strands = self.tissue, self.tissue.tubes.strands
         whole = tissue.beam.damage < 1.0
         out: dict[str, float] = {}
         for name in self._about:
@@ -208,7 +275,7 @@ class Safety:
 
     def tenting(self) -> Tenting:
         """Return how far the common duct is drawn out, and how the cystic duct lines up with it."""
-        tissue, beam = self._tissue, self._tissue.beam
+        tissue, beam = self.tissue, self.tissue.beam
         common, own = beam.nodes_of(self.common), beam.nodes_of(self.cystic)
         first = bool((common == own[0]).any())  # which end of the cystic duct the junction is
         shared = int(own[0 if first else -1])

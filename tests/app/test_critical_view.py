@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from test_performance import clipped
 
-from app.anatomy import anatomy_named, drawn_anatomy
+from app.anatomy import Anatomy, anatomy_named, drawn_anatomy, shipped_anatomies, tube_title
 from app.simulation import (
     FEW,
     MANNERS,
     Instrument,
     Replay,
+    Safety,
     Session,
     Specimen,
     exercise_at,
@@ -24,7 +25,7 @@ from app.simulation import (
     read_script,
     run_json,
 )
-from app.simulation.critical_view import NEXT
+from app.simulation.critical_view import Closing, closing_step
 from app.simulation.goals import CriticalView
 from assets import SCRIPTS
 
@@ -46,7 +47,6 @@ def viewed() -> Session:
     session.advance(12)
     assert session.run.standing.split("; ") == [
         "0 of 5 points",
-        NEXT["triangle"],
         "two tubes alone, 0 of 2: cystic artery 0 %, cystic duct 0 %, neck 0 %, 90 % asked of each",
         "triangle, 0 of 2: 0 % free, 60 % asked",
         "cystic plate, 0 of 2: 0 % free, 60 % asked",
@@ -84,6 +84,52 @@ def test_once_the_view_is_reached_structures_are_marked_as_what_they_are() -> No
     assert [each for each in again.incidents() if each.error == "mistaken"] == [
         each for each in run.incidents() if each.error == "mistaken"
     ]
+
+
+ANATOMIES = [*map(anatomy_named, shipped_anatomies()), *map(drawn_anatomy, range(1, 6))]
+
+
+@pytest.mark.parametrize("anatomy", ANATOMIES, ids=lambda each: f"{each.name} {each.seed}")
+def test_who_parts_what_is_asked_for_next_has_the_whole_view(anatomy: Anatomy) -> None:
+    """Each step is whole tissue of one place, and a sentence of at most 25 words."""
+    session = Session(Specimen.of_anatomy(anatomy), vertices=FEW)
+    exercise = exercise_at(anatomy, "critical_view")
+    assert exercise is not None
+    session.start_exercise(exercise)
+    tissue, safety = session.spatial, Safety(session.spatial)
+    strands, hands = tissue.tubes.strands, ("left hand's grasper", "the right hand")
+    for done in range(30):
+        step = safety.next_step(exercise, viewed=False)
+        if step is None:
+            break
+        assert len(step.words.split()) <= 25, step.words
+        assert step.words.endswith(".")
+        assert any(each in step.words for each in hands), step.words
+        assert ("take hold" in step.words) == (done == 0)
+        assert (tissue.beam.damage[step.strands] < 1.0).all()
+        ends = {(strands.tubes[each], strands.to[each]) for each in step.strands}
+        assert len({frozenset(each) for each in ends}) == 1
+        titles = [tube_title(tissue.tubes.names[each]) for each in ends.pop() if each >= 0]
+        # To take hold of the gallbladder is all that is asked for at first.
+        assert done == 0 or all(each in step.words for each in titles), step.words
+        tissue.beam.detach(np.isin(np.arange(strands.count), step.strands))
+    assert safety.critical_view().total == 6
+
+
+def test_structures_are_closed_one_after_the_other() -> None:
+    """Marked, clipped away from the gallbladder first, then beside it, and divided between."""
+    done = Closing("artery", marked=True, stay=2, go=1, divided=True)
+    begun = [
+        (Closing("cystic", False, 0, 0, False), "mark the cystic duct"),
+        (Closing("cystic", True, 1, 0, False), "clip the cystic duct away from the gallbladder"),
+        (Closing("cystic", True, 2, 0, False), "clip the cystic duct beside the gallbladder"),
+        (Closing("artery2", True, 3, 0, False), "divide the second cystic artery between its"),
+    ]
+    for each, words in begun:
+        step = closing_step([done, each], stay=2, go=1)
+        assert step.startswith(f"Next: {words}")
+        assert len(step.split()) <= 25
+    assert closing_step([done, done], stay=2, go=1) == ""
 
 
 def test_an_exercise_of_the_view_alone_is_over_with_it() -> None:

@@ -25,6 +25,7 @@ from app.simulation import (
     Dissection,
     Exercise,
     Feedback,
+    NextStep,
     Phase,
     Replay,
     Safety,
@@ -464,21 +465,41 @@ def test_a_tip_that_meets_a_wall_goes_slowly(lead: ScopeLead) -> None:
     assert STOPS_AT <= session.spatial.peak_stress_ratio < 0.8
 
 
-def test_what_the_next_point_needs_is_marked(lead: ScopeLead) -> None:
+def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     """In the exercise alone, by the page's numbers of strands, and as long as it is wanted."""
     session, state = lead.session, lead._state
+
+    def asked() -> NextStep:
+        """What is asked for, whose strands are those that are marked."""
+        step = lead.next_step
+        assert step is not None
+        assert sorted(tissue.beam.order[list(lead.to_part)]) == sorted(step.strands)
+        return step
+
+    def part(strands: np.ndarray) -> None:
+        tissue.beam.detach(np.isin(np.arange(tissue.beam.order.size), strands))
+        session.advance()
+
+    assert lead.next_step is None
     assert lead.to_part == ()
     session.start_exercise(critical_view())
-    tissue, safety = session.spatial, Safety(session.spatial)
-    order = tissue.beam.order
-    assert sorted(order[list(lead.to_part)]) == safety.strands_of("triangle").tolist()
-    # A point of the triangle, and the two tubes are what has fewest.
-    tissue.beam.detach(np.isin(np.arange(order.size), safety.strands_of("triangle")[:500]))
-    session.advance()
-    assert safety.critical_view().triangle_cleared == 1
-    tissue.broken = tissue.beam.broken
-    assert sorted(order[list(lead.to_part)]) == safety.strands_of("tubes").tolist()
+    tissue = session.spatial
+    assert asked().words.startswith(
+        "Next: take hold of the gallbladder near its neck with the left"
+    )
+    assert session.grab(0, 8.0, tissue.tubes.names.index("gallbladder")) is not None
+    tissue = session.spatial  # made whole, as a run begins
+    between = "Next: part the {}tissue between cystic duct and common duct, {} in the right hand"
+    assert asked().words.startswith(between.format("", "dissector"))
+    # What is behind both ducts only a bent tip reaches; most holds the duct from behind then.
+    of_ducts = asked().strands
+    part(of_ducts[Safety(tissue)._in_front[of_ducts] > 0.0])
+    behind = asked()
+    assert behind.words.startswith("Next: part the tissue behind the cystic duct, right angle in")
+    part(behind.strands)
+    assert asked().words.startswith(between.format("deep ", "right angle"))
     state.show(marks_next=False)
+    assert lead.next_step is None
     assert lead.to_part == ()
 
 

@@ -1,6 +1,7 @@
 """The picture through the scope in a real browser: its pose, and what its pixels show."""
 
 import io
+import math
 import re
 from collections.abc import Iterator
 from typing import cast
@@ -13,10 +14,11 @@ from PIL import Image
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
-from app.simulation import Feedback, exercise_at, performed
+from app.simulation import TROCARS, Feedback, Replay, exercise_at, performed
 from app.simulation.performance import Script, Step
 from app.trainer.client.replay_playback import ReplayPlayback
-from app.trainer.panel.scope_panel import HOW
+from app.trainer.panel.scope_panel import GOAL, HOW, TURN
+from app.trainer.scope.drawn_tissue import _roll
 from app.trainer.scope.pose import Camera
 from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.server.trainer import Trainer
@@ -338,3 +340,93 @@ def test_structures_are_pointed_at_by_keys_and_mouse_and_photographed(
         result = tab.page.get_by_role("dialog")
         result.wait_for()
         expect(result).to_contain_text("took the gallbladder for the cystic artery")
+
+
+def test_an_exercise_asks_for_what_comes_next_and_counts_its_points(
+    calot: Trainer, browser: Browser
+) -> None:
+    """In one line that nothing moves for, to a screen reader too, until all points are there."""
+    with trainer_page(
+        browser, calot.address, width=900, height=560, first_minute=True, node="/scope/state"
+    ) as tab:
+        tab.start()
+        view = _newest(calot, "calot")
+        session, lead = view.session, view._lead
+        assert lead is not None
+        goal, tabs = tab.page.get_by_test_id("goal"), tab.page.get_by_role("tablist")
+        expect(goal).to_have_text(GOAL)
+        tab.open("Learn")
+        tab.choose("Exercise", "First view")
+        tab.press("Start")
+        expect(goal).to_contain_text("Next: take hold of the gallbladder near its neck")
+        place = tabs.bounding_box()
+        with session.lock:
+            session.grab(0, 8.0, session.spatial.tubes.names.index("gallbladder"))
+        # What the hands part is parted here at once: the long tests have hands.
+        counted, asked = [0], set[str]()
+        state = tab.page.get_by_test_id("exercise-state")
+        while not session.run.over:
+            step = lead.next_step
+            assert step is not None
+            expect(goal).to_have_text(step.words)
+            expect(tab.page.get_by_role("status")).to_contain_text(step.words)
+            expect(state).to_contain_text(f"{counted[-1]} of 3 points")
+            assert tabs.bounding_box() == place
+            asked.add(step.words)
+            beam, before = session.spatial.beam, session.run.standing
+            with session.lock:
+                beam.detach(np.isin(np.arange(beam.order.size), step.strands))
+            tab.wait_until(lambda before=before: session.run.standing != before)
+            counted.append(int(session.run.standing.partition(" ")[0] or 3))
+        assert counted == sorted(counted)
+        assert counted[-1] == 3
+        assert len(asked) == len(counted) - 1
+        expect(tab.page.get_by_role("dialog")).to_contain_text("Reached 3 of 6 points")
+        expect(goal).to_have_text(GOAL)
+
+
+def test_a_right_angle_s_tip_is_turned_by_keys_and_buttons(
+    calot: Trainer, drawing_browser: Browser
+) -> None:
+    """The picture shows it, and the run logs each turn."""
+    with trainer_page(
+        drawing_browser, calot.address, width=900, height=560, first_minute=True,
+        node="/scope/state",
+    ) as tab:  # fmt: skip
+        tab.start()
+        tab.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+        view = _newest(calot, "calot")
+        page, session = ScopePage(tab, view), view.session
+        tab.press("Right hand")
+        tab.choose("Right hand", "right angle")
+        tab.wait_until(lambda: session.spatial.hands[1].instrument == "right angle")
+        hand = session.spatial.hands[1]
+
+        def drawn() -> float:
+            return tab.page.evaluate("() => bluntdissectScope.picture.state.hand(1).roll")
+
+        def turned_to(angle: float) -> None:
+            """Wait until the tip is drawn turned by an angle, rad, from where it began."""
+            tab.wait_until(lambda: abs(math.remainder(drawn() - begun - angle, math.tau)) < 0.01)
+
+        tab.wait_until(lambda: abs(drawn() - _roll(TROCARS[1], hand)) < 1e-4)
+        begun, before = drawn(), page.pixels()
+        for _ in range(3):
+            tab.page.keyboard.press("l")
+        turned_to(3 * TURN)
+        shaft = TROCARS[1].shaft(hand.place)
+        assert abs(float(shaft @ np.array(hand.aim))) < 1e-6
+        assert (np.abs(page.pixels() - before).max(axis=2) > 40.0).sum() > 100
+        for _ in range(2):
+            tab.page.keyboard.press("j")
+        turned_to(TURN)
+        row = tab.page.get_by_role("group", name="Turn")
+        for name, angle in (("Left", 0.0), ("Left", -TURN), ("Right", 0.0)):
+            row.get_by_role("button", name=name, exact=True).click()
+            turned_to(angle)
+        kept = session.run_file()
+        turns = [each for each in kept.log.inputs if each.kind == "aim" and each.hand == 1]
+        assert len(turns) >= 8
+        replay = Replay(kept.log, session.tissue.dissection.organ)
+        replay.seek(replay.duration)
+        assert replay.session.spatial.hands[1].aim == hand.aim

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from app.anatomy import anatomy_named, anatomy_network
 from app.simulation import (
     TICK_SECONDS,
+    TROCARS,
     Exercise,
     Instrument,
     Safety,
     Session,
     Specimen,
+    Structure,
     wall_offset,
 )
 from app.trainer.client.page_state import PageState
@@ -29,6 +31,8 @@ NOTCH_MM, TURN = 1.5, 0.15
 """Of the wheel, and rad of a key: as page/pointer.js and the panel's keys have them."""
 PAUSE = 0.3
 """s in which one looks before one goes on."""
+IN_FRONT, PAST = 12.0, 3.0
+"""mm in front of a tube, where jaws are turned, and past its axis, where they close."""
 TAUT, EASED = 0.66, 0.45
 """Of a break: where a pull is stopped, and to where it is slackened, for the other hand."""
 
@@ -230,6 +234,39 @@ class Trainee:
         for place in places:
             self.to(place)
         self.wheel(-6)
+
+    def mark(self, structure: Structure, tube: str, station: float) -> None:
+        """Choose a structure under Point at, and press it in the picture."""
+        self.lead.point(structure)
+        ray = self.at(tube, station) - self.held.camera.tip
+        self.send("point " + " ".join(f"{each:.3f}" for each in ray))
+        self.wait()
+
+    def close(self, instrument: Instrument, tube: str, stations: tuple[float, ...]) -> None:
+        """Bring open jaws past a tube on either side, and close them, at some places of it.
+
+        The tip is led there in front of the tube. Led by its handle (F) it then goes along its
+        shaft by the wheel.
+        """
+        self.take(1, instrument)
+        for station in stations:
+            place = self.at(tube, station)
+            self.to(place + IN_FRONT * TROCARS[1].shaft(place))
+            shaft = TROCARS[1].shaft(self.tip)
+            across = np.cross(shaft, self.at(tube, station + 0.5) - self.at(tube, station - 0.5))
+            self.turn_to(across / np.linalg.norm(across))
+            deeper = round((float((self.tip - place) @ shaft) + PAST) / NOTCH_MM)
+            self.push(deeper)
+            self.use()
+            self.push(-deeper)
+
+    def push(self, notches: int) -> None:
+        """Take the instrument in along its shaft by notches, or out, led by its handle."""
+        self.lead.by_handle = True
+        for _ in range(abs(notches)):
+            self.send(f"push 0 0 {math.copysign(NOTCH_MM, notches)}")
+            self._led()
+        self.lead.by_handle = False
 
     def points(self) -> tuple[int, int, int]:
         """Return the points of the two tubes, the triangle and the plate."""

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from app.simulation import (
     TROCARS,
     Hand,
     Instrument,
+    NextStep,
     Safety,
     Session,
     Structure,
@@ -90,8 +92,10 @@ class ScopeLead:
         self._points_at: Structure | None = None
         self._cross = 0.0, 0.0
         self._photographs = False  # whether one is asked for
-        self._judged: object = None  # of what `_to_part` was found
-        self._to_part: tuple[int, ...] = ()
+        self._safety: Safety | None = None
+        self._judged: object = None  # of what `_next` was found
+        self._next = self._marked = cast(NextStep | None, None)
+        self._to_part: tuple[int, ...] = ()  # of what is `_marked`
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
         # Of each hand, how far its jaws go apart or together, mm, or None.
@@ -131,18 +135,33 @@ class ScopeLead:
         return None if self.points_at is None else self._cross
 
     @property
-    def to_part(self) -> tuple[int, ...]:
-        """The strands, as the page numbers them, that the next point of an exercise needs."""
+    def next_step(self) -> NextStep | None:
+        """What an exercise of a critical view asks for next, while that is shown."""
         state, run = self._state, self._state.session.run
         exercise, tissue = run.exercise, state.session.spatial
         shown = state.marks_next and state.figures_visible and state.playback is None
-        if exercise is None or not exercise.shows_view or run.over or self.structures or not shown:
-            return ()
-        if self._judged != (tissue, tissue.broken):  # nothing else changes it
-            self._judged, safety = (tissue, tissue.broken), Safety(tissue)
-            part = safety.critical_view().next_part
-            wanted = () if part is None else safety.strands_of(part)
-            self._to_part = tuple(np.flatnonzero(np.isin(tissue.beam.order, wanted)).tolist())
+        if exercise is None or not exercise.shows_view or run.over or not shown:
+            return None
+        # Nothing else changes it.
+        now = (
+            exercise, tissue.beam, tissue.beam.broken, len(tissue.events), len(tissue.marks),
+            self.structures, *(hand.node is None for hand in tissue.hands),
+        )  # fmt: skip
+        if now != self._judged:
+            if self._safety is None or self._safety.tissue is not tissue:
+                self._safety = Safety(tissue)
+            self._judged = now
+            self._next = self._safety.next_step(exercise, viewed=bool(self.structures))
+        return self._next
+
+    @property
+    def to_part(self) -> tuple[int, ...]:
+        """The strands, as the page numbers them, that the next step is about."""
+        step = self.next_step
+        if step is not self._marked:
+            wanted, order = () if step is None else step.strands, self.session.spatial.beam.order
+            numbers = np.flatnonzero(np.isin(order, wanted)).tolist()
+            self._marked, self._to_part = step, tuple(numbers)
         return self._to_part
 
     def point(self, structure: Structure | None) -> None:

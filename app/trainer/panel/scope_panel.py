@@ -1,5 +1,6 @@
 """One client's panel at an anatomy: what to reach, the hands, the scope, and what is in hand."""
 
+import html
 from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
@@ -40,7 +41,7 @@ from app.trainer.panel.readout import HANDS
 from app.trainer.panel.replay_tab import ReplayTab
 from app.trainer.panel.result_page import show_result
 from app.trainer.panel.scenes import add_scenes
-from app.trainer.viser_bridge.page import announce, open_tab, take_arrows
+from app.trainer.viser_bridge.page import announce, bring_in, open_tab, take_arrows
 
 __all__ = ["ScopePanel"]
 
@@ -76,12 +77,13 @@ STEP = 0.5
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
 MARKS = "Mark what is next"
-MARKED = "In Critical view: a dot on each strand that the next point needs"
+MARKED = "In First view and Critical view: a sentence, and a dot on each strand that it is about"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
 YOU_HOLD = "You hold the scope. V gives it back."
-HOW_PX = 84
-"""Height of four lines, pixels."""
+GOAL_PX, HOW_PX = 65, 84
+"""Heights of three and of four lines, pixels."""
 SPREAD = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
+ALONG = "Led by its handle (F), the wheel takes it along its shaft."
 HOW: Mapping[Instrument, str] = {
     "hook": "Bring it to a tube, take hold with the right button or G, and pull gently.",
     "grasper": "Take hold with the right button or G, and drag. It stays where it is left.",
@@ -89,9 +91,9 @@ HOW: Mapping[Instrument, str] = {
     "right angle": f"{SPREAD} Its tip, bent by 90°, passes behind a tube: J and L turn it.",
     "swab": "Wipe along a tube: strands part before its soft tip.",
     "clip applier": "Bring the open jaws past a freed tube on either side, then the right button "
-    "or G. J and L turn them.",
+    f"or G. J and L turn them. {ALONG}",
     "scissors": "Bring the open blades past a freed and clipped tube on either side, then the "
-    "right button or G.",
+    f"right button or G. {ALONG}",
     "suction": "The right button or G starts it, and stops it. It takes up blood and bile.",
 }
 KEYS = (
@@ -167,12 +169,13 @@ class ScopePanel:
     ) -> None:
         self._state, self._lead, self._show_anatomy = state, lead, choose_anatomy
         self._own = {} if own_anatomy is None else {f"{own_anatomy.name}, own": own_anatomy}
-        self._announced = ""
+        self._announced = self._asked = ""
+        self._brought_in: object = None  # the run whose first step was brought into the panel
         self._photographed: object = None  # the run whose view was photographed by itself
         gui = self._gui = state.client.gui
         add_scenes(gui, scene, choose_scene)
         take_arrows(state.client, True)
-        gui.add_html(note(GOAL, "goal"))
+        self._goal = gui.add_html("")
         self._readout = gui.add_html("")
         self._pointing = Pointing(gui, state, lead)
         add_disclaimer(gui)
@@ -238,6 +241,7 @@ class ScopePanel:
         self._scope.show("oblique" if lead.held.oblique else "straight")
         words = "The assistant holds the scope." if lead.held.assisted else YOU_HOLD
         set_if_changed(self._held, content=note(words, "scope"))
+        self._show_goal()
         set_if_changed(self._readout, content=self._figures(reading))
         set_if_changed(self._plain, value=state.plain)
         set_if_changed(self._marks, value=state.marks_next)
@@ -245,7 +249,7 @@ class ScopePanel:
         self._photograph_view()
         self._exercises.show()
         self._replay.show()
-        words = self._standing(reading)
+        words = f"{self._standing(reading)} {self._asked}".strip()
         if words != self._announced:
             self._announced = words
             announce(state.client, words)
@@ -274,6 +278,18 @@ class ScopePanel:
         if reached and not state.photographs and run is not self._photographed:
             self._photographed = run
             self._lead.photograph()
+
+    def _show_goal(self) -> None:
+        """Show what to reach, or what an exercise asks for next: at its start bring that in."""
+        step = self._lead.next_step
+        asked = "" if step is None else step.words
+        run, self._asked = self._state.session.run, asked
+        if asked and run is not self._brought_in:
+            self._brought_in = run
+            bring_in(self._state.client, "goal")
+        words = html.escape(asked).replace("Next:", "<b>Next:</b>", 1) or GOAL
+        content = f"<div style='min-height:{GOAL_PX}px'>{note(words, 'goal')}</div>"
+        set_if_changed(self._goal, content=content)
 
     def _figures(self, reading: Reading) -> str:
         torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
@@ -323,7 +339,7 @@ class ScopePanel:
     def _standing(self, reading: Reading) -> str:
         """Return what a screen reader says of the tissue."""
         torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
-        return f"Torn: {', '.join(map(tube_title, torn))}" if torn else "Nothing is torn"
+        return f"Torn: {', '.join(map(tube_title, torn))}." if torn else "Nothing is torn."
 
     # Choices
 

@@ -101,6 +101,9 @@ page.openTab = (label, until = performance.now() + 30000) => {
   if (performance.now() < until) setTimeout(() => page.openTab(label, until), 50);
 };
 
+// Scroll the panel to one of its lines.
+page.bringIn = name => document.querySelector(`[data-testid=${name}]`)?.scrollIntoView({block: "nearest"});
+
 // The camera: neither lost nor below the floor, and without the line that viser draws to a hand.
 const STEEPEST = 1.35, FLATTEST = 0.15;
 let bounds = null, guarded = null;

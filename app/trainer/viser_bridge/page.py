@@ -49,6 +49,11 @@ def announce(client: viser.ClientHandle, words: str) -> None:
     _call(client, "say", words)
 
 
+def bring_in(client: viser.ClientHandle, name: str) -> None:
+    """Scroll the panel to one of its lines, by its `data-testid`."""
+    _call(client, "bringIn", name)
+
+
 def take_arrows(client: viser.ClientHandle, taken: bool) -> None:
     """Let the arrow keys be keys of commands, and turn the view only with Ctrl; or not any more."""
     _call(client, "takeArrows", taken)
