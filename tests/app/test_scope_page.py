@@ -401,6 +401,8 @@ def test_a_right_angle_s_tip_is_turned_by_keys_and_buttons(
         tab.choose("Right hand", "right angle")
         tab.wait_until(lambda: session.spatial.hands[1].instrument == "right angle")
         hand = session.spatial.hands[1]
+        # Keys are keys again, and not letters of the list that was chosen from.
+        tab.wait_until(lambda: tab.page.evaluate("() => document.activeElement === document.body"))
 
         def drawn() -> float:
             return tab.page.evaluate("() => bluntdissectScope.picture.state.hand(1).roll")
@@ -409,13 +411,13 @@ def test_a_right_angle_s_tip_is_turned_by_keys_and_buttons(
             """Wait until the tip is drawn turned by an angle, rad, from where it began."""
             tab.wait_until(lambda: abs(math.remainder(drawn() - begun - angle, math.tau)) < 0.01)
 
+        # It is bent off its shaft by then.
+        tab.wait_until(lambda: abs(float(TROCARS[1].shaft(hand.place) @ np.array(hand.aim))) < 1e-6)
         tab.wait_until(lambda: abs(drawn() - _roll(TROCARS[1], hand)) < 1e-4)
         begun, before = drawn(), page.pixels()
         for _ in range(3):
             tab.page.keyboard.press("l")
         turned_to(3 * TURN)
-        shaft = TROCARS[1].shaft(hand.place)
-        assert abs(float(shaft @ np.array(hand.aim))) < 1e-6
         assert (np.abs(page.pixels() - before).max(axis=2) > 40.0).sum() > 100
         for _ in range(2):
             tab.page.keyboard.press("j")

@@ -91,6 +91,11 @@ document.addEventListener("click", event => {
   if (arrowsTaken && event.detail > 0) event.target.closest?.("[role=tab]")?.blur();
 });
 
+// Nor does a list that was chosen from by a click keep letters: they are keys of commands again.
+document.addEventListener("click", event => {
+  if (event.detail > 0 && event.target.closest?.("[role=option]")) setTimeout(() => document.activeElement?.blur());
+});
+
 // A tab is opened: of the panel at the side by a key, of a phone's by a click; once it is there.
 page.openTab = (label, until = performance.now() + 30000) => {
   const tab = [...document.querySelectorAll("[role=tab]")]
