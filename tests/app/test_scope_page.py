@@ -353,12 +353,13 @@ def test_an_exercise_asks_for_what_comes_next_and_counts_its_points(
         view = _newest(calot, "calot")
         session, lead = view.session, view._lead
         assert lead is not None
-        goal, tabs = tab.page.get_by_test_id("goal"), tab.page.get_by_role("tablist")
+        goal, asks = (tab.page.get_by_test_id(each) for each in ("goal", "next"))
+        tabs = tab.page.get_by_role("tablist")
         expect(goal).to_have_text(GOAL)
         tab.open("Learn")
         tab.choose("Exercise", "First view")
         tab.press("Start")
-        expect(goal).to_contain_text("Next: take hold of the gallbladder near its neck")
+        expect(asks).to_contain_text("Next: take hold of the gallbladder near its neck")
         place = tabs.bounding_box()
         with session.lock:
             session.grab(0, 8.0, session.spatial.tubes.names.index("gallbladder"))
@@ -368,7 +369,7 @@ def test_an_exercise_asks_for_what_comes_next_and_counts_its_points(
         while not session.run.over:
             step = lead.next_step
             assert step is not None
-            expect(goal).to_have_text(step.words)
+            expect(asks).to_have_text(step.words)
             expect(tab.page.get_by_role("status")).to_contain_text(step.words)
             expect(state).to_contain_text(f"{counted[-1]} of 3 points")
             assert tabs.bounding_box() == place

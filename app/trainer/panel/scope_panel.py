@@ -80,8 +80,8 @@ MARKS = "Mark what is next"
 MARKED = "In First view and Critical view: a sentence, and a dot on each strand that it is about"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
 YOU_HOLD = "You hold the scope. V gives it back."
-GOAL_PX, HOW_PX = 65, 84
-"""Heights of three and of four lines, pixels."""
+HOW_PX = 84
+"""Height of four lines, pixels."""
 SPREAD = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
 ALONG = "Led by its handle (F), the wheel takes it along its shaft."
 HOW: Mapping[Instrument, str] = {
@@ -286,9 +286,10 @@ class ScopePanel:
         run, self._asked = self._state.session.run, asked
         if asked and run is not self._brought_in:
             self._brought_in = run
-            bring_in(self._state.client, "goal")
-        words = html.escape(asked).replace("Next:", "<b>Next:</b>", 1) or GOAL
-        content = f"<div style='min-height:{GOAL_PX}px'>{note(words, 'goal')}</div>"
+            bring_in(self._state.client, "next")
+        words = html.escape(asked).replace("Next:", "<b>Next:</b>", 1)
+        # The style of the page keeps room for three lines, and has the goal last on a phone.
+        content = note(words, "next") if asked else note(GOAL, "goal")
         set_if_changed(self._goal, content=content)
 
     def _figures(self, reading: Reading) -> str:
