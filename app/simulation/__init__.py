@@ -63,7 +63,7 @@ from app.simulation.preset import (
     presets,
     read_preset,
 )
-from app.simulation.reached_tube import REACH, near_place, nearest_wall, pointed_at, wall_offset
+from app.simulation.reached_tube import REACH, near_place, pointed_at, seen_beside, wall_offset
 from app.simulation.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.recorded_hands import CarefulRun, careful_run, has_careful_run
 from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
@@ -228,7 +228,6 @@ __all__ = [
     "has_careful_run",
     "loading_rates",
     "near_place",
-    "nearest_wall",
     "not_offered",
     "organ_beam",
     "perform",
@@ -246,6 +245,7 @@ __all__ = [
     "renamed_metrics",
     "renamed_numbers",
     "run_json",
+    "seen_beside",
     "specimen_in_bed",
     "tear_front",
     "tear_swing",

@@ -1,6 +1,7 @@
 """Which tube is at a tip or is pointed at, and where jaws that hold one are."""
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,7 @@ from app.simulation.spatial_tissue import SpatialTissue
 from app.simulation.trocar import TROCARS
 from physics.bed import BeamOnBed
 
-__all__ = ["REACH", "near_place", "nearest_wall", "pointed_at", "wall_offset"]
+__all__ = ["REACH", "Side", "near_place", "pointed_at", "seen_beside", "wall_offset"]
 
 Floats = NDArray[np.float64]
 
@@ -17,17 +18,21 @@ REACH = 3.5
 """mm from a tube's wall at which jaws can still close on it."""
 MISSED = 0.5
 """mm beside a wall at which it is still pointed at."""
+Side = Literal["in front of", "behind", "beside"]
+"""Of a tube, as it is seen."""
+BESIDE = math.sin(math.radians(30.0))
+"""Sine of the angle with the picture's plane within which a tip is beside a tube."""
 BITE = 1.2
 """mm of a wall that jaws take in."""
 
 
 def near_place(beam: BeamOnBed, tip: Floats, reach: float = REACH) -> tuple[int, float] | None:
     """Return the number of the tube at a tip, (3,) mm, and the station; None out of reach."""
-    distance, number, station = nearest_wall(beam, tip)
+    distance, number, station = _nearest_wall(beam, tip)
     return (number, station) if distance < reach else None
 
 
-def nearest_wall(beam: BeamOnBed, tip: Floats) -> tuple[float, int, float]:
+def _nearest_wall(beam: BeamOnBed, tip: Floats) -> tuple[float, int, float]:
     """Return how far a tip, (3,) mm, is from the nearest wall, the tube and the station."""
     # Within a wall the distance is below zero, and the deepest counts.
     best, found = math.inf, (0, 0.0)
@@ -44,6 +49,18 @@ def nearest_wall(beam: BeamOnBed, tip: Floats) -> tuple[float, int, float]:
             best = float(off[k])
             found = number, float(stations[k] + fraction[k] * (stations[k + 1] - stations[k]))
     return best, *found
+
+
+def seen_beside(beam: BeamOnBed, tip: Floats, axes: Floats) -> tuple[float, int, Side]:
+    """Return how far a tip, (3,) mm, is from the nearest wall, which tube's, and its side of it."""
+    # The picture's axes are columns: right, up, and back to the eye.
+    far, number, station = _nearest_wall(beam, tip)
+    name = list(beam.network.tubes)[number]
+    off = tip - beam.places_at(np.array([station]), name)[0]
+    back = float(off @ axes[:, 2])
+    if abs(back) < BESIDE * math.sqrt(float((off * off).sum())):
+        return far, number, "beside"
+    return far, number, "in front of" if back > 0.0 else "behind"
 
 
 def pointed_at(beam: BeamOnBed, eye: Floats, direction: Floats) -> tuple[int, float] | None:

@@ -40,6 +40,7 @@ from app.simulation import (
     read_run,
     read_script,
     run_json,
+    seen_beside,
     wall_offset,
 )
 from app.simulation.trocar import DEEPEST, LENGTH
@@ -330,6 +331,21 @@ def test_jaws_close_on_the_nearest_tube(made: AnatomyNetwork) -> None:
     assert near_place(bed, np.array([20.0, -40.0, 30.0])) is None
 
 
+def test_a_tip_is_on_a_side_of_the_nearest_tube(made: AnatomyNetwork) -> None:
+    """In front of it, behind it or beside it, as it is seen."""
+    bed, axes = made.on_bed(), np.eye(3)[:, [1, 0, 2]]
+    tubes = list(made.network.tubes)
+    middle, radius = bed.places_at(np.array([12.0]), "cystic")[0], 2.0
+    for along, side in ((axes[:, 2], "in front of"), (-axes[:, 2], "behind")):
+        far, number, found = seen_beside(bed, middle + (radius + 0.4) * along, axes)
+        assert (tubes[number], found) == ("cystic", side)
+        assert far == pytest.approx(0.4, abs=0.7)
+    chord = np.diff(bed.places_at(np.array([11.0, 13.0]), "cystic"), axis=0)[0]
+    across = np.cross(chord, axes[:, 2])
+    tip = middle + (radius + 0.4) * across / np.linalg.norm(across)
+    assert seen_beside(bed, tip, axes)[1:] == (tubes.index("cystic"), "beside")
+
+
 @pytest.fixture
 def lead() -> ScopeLead:
     """Return what mouse and keys lead at the usual anatomy."""
@@ -370,6 +386,24 @@ def test_a_flick_of_the_mouse_tears_nothing(lead: ScopeLead) -> None:
     assert not tissue.events
     lead.use_instrument()
     assert hand.node is None
+
+
+def test_a_hold_that_is_lost_is_told(lead: ScopeLead) -> None:
+    session, state = lead.session, lead._state
+    lead.lead_hand(
+        session.spatial.beam.places_at(np.array([14.0]), "gallbladder")[0] + [0.0, 0.0, 6.0]
+    )
+    pass_time(lead, session, 1.5)
+    lead.use_instrument()
+    session.spatial._grip = 0.05  # N
+    lead.lead_hand(session.spatial.hands[0].place + np.array([0.0, 0.0, 5.0]))
+    for _ in range(60):
+        lead.advance(1)
+        state.advance(1)
+    assert session.spatial.hands[0].slips == 1
+    title, words = cast(MagicMock, state.client.add_notification).call_args.args
+    assert title == "The hold is lost"
+    assert words.startswith("The gallbladder slid out of the grasper, which holds 5 N.")
 
 
 def test_jaws_part_at_once_but_are_not_thrown_open(lead: ScopeLead) -> None:

@@ -113,6 +113,22 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         view = _newest(calot, "calot")
         page = ScopePage(tab, view)
         tab.eventually(page.check_pose)
+        # Given back, the scope is seen at home at once, though nothing else moves; and a checkbox
+        # that was clicked keeps no keys.
+        home = page.pose()
+        tab.page.get_by_label("Mark what is next").click()
+        tab.page.keyboard.press("y")
+        scope = tab.page.get_by_role("button", name="Scope", exact=True)
+        expect(scope).to_have_attribute("aria-pressed", "true")
+        tab.page.mouse.move(300, 280)
+        tab.page.mouse.down()
+        tab.page.mouse.move(360, 320)
+        tab.page.mouse.up()
+        tab.wait_until(lambda: bool(np.abs(page.pose()[:4] - home[:4]).max() > 0.1))
+        tab.page.keyboard.press("v")
+        tab.wait_until(lambda: bool(np.abs(page.pose()[:4] - home[:4]).max() < 1e-3))
+        tab.page.keyboard.press("y")
+        expect(scope).to_have_attribute("aria-pressed", "false")
         picture = page.pixels()
         for corner in (picture[:6, :6], picture[:6, -6:], picture[-6:, :6], picture[-6:, -6:]):
             assert corner.max() < 12.0
@@ -192,7 +208,7 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.page.evaluate(GAMEPAD, [0.0, [1]])  # which goes on to the right hand
         tab.wait_until(lambda: view.state.hand == 1)
         # Led by its handle, a tip goes the other way than the mouse.
-        for key, name in (("x", "Scope"), ("x", "Left hand"), ("f", "Handle")):
+        for key, name in (("x", "Left hand"), ("f", "Handle")):
             tab.page.keyboard.press(key)
             # The page's pointer knows it before the panel shows it.
             chosen = tab.page.get_by_role("button", name=name, exact=True)

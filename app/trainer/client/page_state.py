@@ -8,9 +8,11 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.anatomy import Anatomy
+from app.anatomy import Anatomy, tube_title
 from app.simulation import (
     FEW,
+    GRIP_N,
+    HANDS,
     HOLDING,
     VERTICES,
     BedPreset,
@@ -48,6 +50,9 @@ PAST_BREAK = 1.05
 FORCE_KEY = "F takes its force away, and gives it back."
 EXERCISE_GOES_ON = "An exercise goes on until it is over. Stop it first."
 EXERCISE_OVER = "The exercise is over. Reset (R) makes all whole, to try again or to go on."
+SLIPPED = (
+    "The {} slid out of the grasper, which holds {:g} N. Take hold again, and pull more gently."
+)
 HAND_ONLY = "In this exercise only your hand counts: drag the duct or the hook."
 BOTH_HANDS = "both hands, by mouse, touch or keys."
 COUNTED: dict[ExerciseInputs, str] = {
@@ -115,6 +120,7 @@ class PageState:
         self._dragged_from = np.zeros(3)  # where its tip was when the drag began, mm
         self._changed = True
         self._home = False
+        self._slips = [0] * HANDS  # how often tissue has slipped out of each hand
         self._refusal: viser.NotificationHandle | None = None
         self._other_organ: Callable[[], None] | None = None
         self.device: str | None = None  # the haptic device that holds a hook, or None
@@ -224,11 +230,11 @@ class PageState:
 
     # What is said to the client
 
-    def refuse(self, reason: str) -> None:
-        """Tell the client why something is not possible."""
+    def refuse(self, reason: str, title: str = "Not possible") -> None:
+        """Tell the client why something is not possible, or was stopped."""
         self.forget_refusal()
         self._refusal = self.client.add_notification(
-            "Not possible", reason, color="yellow", auto_close_seconds=8.0
+            title, reason, color="yellow", auto_close_seconds=8.0
         )
 
     def forget_refusal(self) -> None:
@@ -391,7 +397,19 @@ class PageState:
 
     def advance(self, ticks: int) -> bool:
         """Advance the session and what acts beside it; return whether anything has moved."""
-        return not self.paused and self.beside.advance(self.session, ticks)
+        moved = not self.paused and self.beside.advance(self.session, ticks)
+        if not self.in_plane:
+            self._tell_slips()
+        return moved
+
+    def _tell_slips(self) -> None:
+        """Say which tube has slipped out of a grasper."""
+        tissue = self.session.spatial
+        for number, hand in enumerate(tissue.hands):
+            if hand.slips > self._slips[number]:
+                tube = tube_title(tissue.tubes.names[hand.tube])
+                self.refuse(SLIPPED.format(tube, GRIP_N), "The hold is lost")
+            self._slips[number] = hand.slips
 
     def start_again(self, run: RunFile) -> None:
         """Start the exercise of a run again."""

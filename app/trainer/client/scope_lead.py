@@ -53,8 +53,8 @@ GIVES_MM = 0.1
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
 STOPPED = (
-    "The {} nears its break, so the instrument stops. Close or withdraw it, slacken what the other "
-    "hand pulls, and part elsewhere or less deep. Each click or key goes on a little."
+    "Lead the instrument back where it came from, or close its jaws. Slacken what the other hand "
+    "pulls, and part elsewhere or less deep. Each click or key more goes 3 % nearer to the break."
 )
 COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
 """Instruments whose jaws come open."""
@@ -75,7 +75,10 @@ NOT_BETWEEN = (
     "tips past it on either side."
 )
 NOTHING_THERE = "No tube is seen there. Point at the wall of one."
-NOT_ASKED = "Nothing is to be pointed at now: an exercise says when."
+NOT_ASKED = (
+    "Structures are marked in the exercise Critical view, once its points are reached, and in Who "
+    "is who."
+)
 CROSS_STEP = 0.03
 """Of the picture's radius, that a key moves the cross by."""
 BACK_NEXT = "Now swing the gallbladder over, show the triangle from behind, and press H again."
@@ -228,10 +231,13 @@ class ScopeLead:
         self._state.choose_hand(self.hand if hand is None else hand)
 
     def choose_next(self) -> None:
-        """Lead the next of both hands and the scope."""
-        last = self.hand == len(self._state.hands) - 1
-        following = 0 if self.leads_scope else None if last else self.hand + 1
-        self.choose(following)
+        """Lead the other hand, or after the scope the same hand again."""
+        hands = len(self._state.hands)
+        self.choose(self.hand if self.leads_scope else (self.hand + 1) % hands)
+
+    def choose_scope(self) -> None:
+        """Lead the scope, or the hand again."""
+        self.choose(self.hand if self.leads_scope else None)
 
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Give a hand another instrument, which comes through its trocar with its jaws open."""
@@ -321,7 +327,8 @@ class ScopeLead:
         self._stopped = [None] * len(self._stopped)
 
     def _say_stopped(self) -> None:
-        self._state.refuse(STOPPED.format(tube_title(self.session.spatial.most_stressed)))
+        wall = tube_title(self.session.spatial.most_stressed)
+        self._state.refuse(STOPPED, f"Stopped: the {wall} nears its break")
 
     def _lead_jaws(self, hand: int, stops: bool, seconds: float) -> None:
         """Part or close jaws as far as they are led, no faster than they may."""

@@ -12,7 +12,7 @@ from app.trainer.viser_bridge.page import begin_html, letter_keys_on, set_letter
 __all__ = ["SEEN", "Key", "first_minute", "keys_of", "show_first_minute", "show_help"]
 
 Hotkey = Literal[
-    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L", "F", "B", "K", "U",
+    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L", "F", "B", "K", "U", "Y",
     "arrowup", "arrowdown", "arrowleft", "arrowright",
 ]  # fmt: skip
 

@@ -14,7 +14,7 @@ from app.anatomy import (
     shipped_anatomies,
     tube_title,
 )
-from app.simulation import Incident, Instrument, Reading, RunFile, nearest_wall
+from app.simulation import Incident, Instrument, Reading, RunFile, seen_beside
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import SceneName
 from app.trainer.client.scope_lead import HOLDS_MM_S, ScopeLead
@@ -53,7 +53,7 @@ Leads = Literal["left", "right", "scope"]
 LEADS: dict[Leads, tuple[str, str]] = {
     "left": ("Left hand", "Mouse and keys lead the left hand (X)"),
     "right": ("Right hand", "Mouse and keys lead the right hand (X)"),
-    "scope": ("Scope", "Mouse and keys turn and slide the scope (X)"),
+    "scope": ("Scope", "Mouse and keys turn and slide the scope (Y)"),
 }
 LedBy = Literal["tip", "handle"]
 LED_BY: dict[LedBy, tuple[str, str]] = {
@@ -109,7 +109,8 @@ KEYS = (
     Key("K", "K", "Point", "at the next structure that an exercise asks for, or no more"),
     Key("H", "H", "Photograph", "for the record: the front of the triangle, then the back"),
     Key("U", "U", "Not yet safe", "to tell structures apart, where an exercise asks"),
-    Key("X", "X", "Next hand or scope", "what mouse and keys lead"),
+    Key("X", "X", "Other hand", "mouse and keys lead it"),
+    Key("Y", "Y", "Scope", "mouse and keys lead it, or the hand again"),
     Key("F", "F", "Tip or handle", "which end of an instrument is led"),
     Key("N", "N", "Next instrument", "for the hand that is led"),
     Key("Z", "Z", "Other scope", "straight or oblique"),
@@ -129,17 +130,17 @@ With a **finger** drag; two fingers spread or pinch for depth. Led **by its hand
 theatre, an instrument turns about its trocar: the tip goes the other way.
 
 **A gamepad.** The left stick moves the tip in the picture, the right one takes it in and out and
-turns the jaws. **A** uses the instrument, **B** goes on to the next hand or the scope, **X** to the
-next instrument; the shoulder buttons close and open the jaws.
+turns the jaws. **A** uses the instrument, **B** goes on to the other hand, **X** to the next
+instrument and **Y** to the scope; the shoulder buttons close and open the jaws.
 
 {INSTRUMENTS}
 
 A hand that holds a tube goes at most {HOLDS} mm/s, whatever the mouse does, and stops when you let
 go of the mouse: look at the stress while you pull. To clip and divide, free a tube all round first.
 
-**The scope.** An assistant holds it and keeps both tips in view. Choose *Scope* to lead it
-yourself, or drag with the middle button; **V** gives it back. Blood that jets, and touch, soil its
-lens; the key **B** wipes it.
+**The scope.** An assistant holds it and keeps both tips in view. Choose *Scope*, or **Y**, to
+lead it yourself, or drag with the middle button; **V** gives it back. Blood that jets, and touch,
+soil its lens; the key **B** wipes it.
 
 **What is computed.** Each tube is a beam in space, each strand a spring that yields, parts and
 never heals. A wall tears where normal + bending stress is over its strength. Blood and bile flow
@@ -333,8 +334,8 @@ class ScopePanel:
         if holder.node is not None:
             does = f", holds the {tube_title(tissue.tubes.names[holder.tube])}"
         elif self._state.figures_visible:  # a picture of one eye does not tell how deep a tip is
-            far = max(nearest_wall(tissue.beam, holder.place)[0], 0.0)
-            does = f", {far:.0f} mm from a wall"
+            far, tube, side = seen_beside(tissue.beam, holder.place, self._lead.held.camera.axes)
+            does = f", {max(far, 0.0):.0f} mm {side} the {tube_title(tissue.tubes.names[tube])}"
         return f"{HANDS[hand].lower()}, {holder.instrument}{does}"
 
     def _standing(self, reading: Reading) -> str:
@@ -419,6 +420,7 @@ class ScopePanel:
             "H": lead.photograph,
             "U": lead.call_unsafe,
             "X": lead.choose_next,
+            "Y": lead.choose_scope,
             "F": lambda: self._choose_led_by("tip" if lead.by_handle else "handle"),
             "N": lead.choose_next_instrument,
             "Z": lead.change_scope,

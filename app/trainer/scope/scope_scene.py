@@ -88,7 +88,11 @@ class Led(Protocol):
         ...
 
     def choose_next(self) -> None:
-        """Lead the next of both hands and the scope."""
+        """Lead the other hand."""
+        ...
+
+    def choose_scope(self) -> None:
+        """Lead the scope, or the hand again."""
         ...
 
     def choose_next_instrument(self) -> None:
@@ -237,7 +241,8 @@ class ScopeScene:
             "move": (3, lambda *place: led.lead_hand(np.array(place))),
             "nudge": (3, led.nudge), "push": (3, led.push_handle), "stop": (0, led.stop),
             "turn": (1, led.turn), "open": (1, led.open_more), "act": (0, led.use_instrument),
-            "hand": (0, led.choose_next), "instrument": (0, led.choose_next_instrument),
+            "hand": (0, led.choose_next), "view": (0, led.choose_scope),
+            "instrument": (0, led.choose_next_instrument),
             "scope": (4, led.move_scope), "point": (3, lambda *place: led.mark(np.array(place))),
         }  # fmt: skip
         count, act = acts.get(kind, (-1, None))

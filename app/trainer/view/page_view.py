@@ -347,9 +347,9 @@ class PageView:
         """Advance what is shown by some ticks; return whether anything has moved."""
         state = self.state
         state.take_organ()
-        if state.take_home():
+        if homes := state.take_home():
             self._scene.frame_camera()
-        scene_moved = self._scene.advance(ticks)
+        scene_moved = self._scene.advance(ticks) or homes
         if (playback := state.playback) is not None:
             return playback.tick(ticks) or scene_moved
         if not state.paused:

@@ -86,9 +86,13 @@ document.documentElement.addEventListener("keydown", event => {
   if (arrowsTaken && event.key.startsWith("Arrow") && !event.ctrlKey) event.stopPropagation();
 });
 
-// A tab that was clicked keeps no arrows: they lead on. One that keys have come to keeps them.
-document.addEventListener("click", event => {
-  if (arrowsTaken && event.detail > 0) event.target.closest?.("[role=tab]")?.blur();
+// What was clicked keeps no keys: letters and arrows lead on. What keys have come to keeps them.
+const CHOSEN = "[role=tab],[role=option],input[type=radio],input[type=checkbox]";
+let pointed = false;
+document.addEventListener("pointerdown", () => { pointed = true; }, true);
+document.addEventListener("keydown", () => { pointed = false; }, true);
+for (const kind of ["click", "change"]) document.addEventListener(kind, event => {
+  if (pointed && event.target.closest?.(CHOSEN)) document.activeElement?.blur();
 });
 
 // Nor does a list that was chosen from by a click keep letters: they are keys of commands again.
