@@ -171,7 +171,7 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         with view.session.lock:
             performed(Script(step=[Step(do="grab", tube="artery", at_mm=12.0), lift]), view.session)
         expect(warning).to_have_text(re.compile("^cystic artery: over [89][05] % of its break$"))
-        expect(tab.readout).to_contain_text("cystic artery: ")
+        expect(tab.readout).to_contain_text("cystic artery, ")
         view.state.reset()
         expect(warning).to_be_hidden()
         # Arrows go on to lead the tip after a tab was clicked; a tab that keys come to takes them.

@@ -296,18 +296,18 @@ class ScopePanel:
     def _figures(self, reading: Reading) -> str:
         torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
         hidden = not self._state.figures_visible
-        stress = f"{100.0 * reading.stress_ratio:.0f}"
+        stress = f"{100.0 * reading.stress_ratio:.0f} % of break"
         if reading.stress_ratio >= NAMED_FROM:
-            stress = f"{tube_title(self._state.shown.spatial.most_stressed)}: {stress}"
+            stress = f"{tube_title(self._state.shown.spatial.most_stressed)}, {stress}"
         rows = [] if hidden else [
+            ("Highest stress", stress),
             ("Strands broken", f"{reading.broken}"),
-            ("Highest stress now, % of break", stress),
             *((f"{each.name.capitalize()} lost", f"{figure(each.lost_ml)} ml")
               for each in reading.fluids),
         ]  # fmt: skip
         names = self._state.shown.spatial.tubes.names
         if self._state.playback is None:
-            rows.insert(0, ("Led", self._led))
+            rows = [*self._led, *rows]
         if not hidden:
             rows += [("Nicked", each.words(tube_title(names[each.tube]))) for each in reading.nicks]
         if torn:
@@ -324,19 +324,20 @@ class ScopePanel:
         )
 
     @property
-    def _led(self) -> str:
-        """What mouse and keys lead, and what it holds, in words."""
-        if self._lead.leads_scope:
-            return "the scope"
+    def _led(self) -> list[tuple[str, str]]:
+        """What mouse and keys lead, and where its tip is or what it holds: rows of one line."""
         tissue, hand = self._state.shown.spatial, self._state.hand
         holder = tissue.hands[hand]
-        does = ""
+        if self._lead.leads_scope:
+            return [("Led", "the scope"), ("Tip", "-")]
+        place = "-"
         if holder.node is not None:
-            does = f", holds the {tube_title(tissue.tubes.names[holder.tube])}"
+            place = f"holds the {tube_title(tissue.tubes.names[holder.tube])}"
         elif self._state.figures_visible:  # a picture of one eye does not tell how deep a tip is
             far, tube, side = seen_beside(tissue.beam, holder.place, self._lead.held.camera.axes)
-            does = f", {max(far, 0.0):.0f} mm {side} the {tube_title(tissue.tubes.names[tube])}"
-        return f"{HANDS[hand].lower()}, {holder.instrument}{does}"
+            wall = tube_title(tissue.tubes.names[tube])
+            place = f"{max(far, 0.0):.0f} mm {side} the {wall}"
+        return [("Led", f"{HANDS[hand].lower()}, {holder.instrument}"), ("Tip", place)]
 
     def _standing(self, reading: Reading) -> str:
         """Return what a screen reader says of the tissue."""
