@@ -462,8 +462,8 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     lead.lead_hand(start + wall_offset(tissue, 0) + [0.0, 0.0, 20.0])
     pass_time(lead, session, 2.0)
     assert np.linalg.norm(tissue.hands[0].place - start) < 0.2
-    (_, reason), _ = cast(MagicMock, lead._state.client).add_notification.call_args
-    assert reason.startswith(f"The {tube_title(tissue.most_stressed)} nears its break")
+    title = cast(MagicMock, lead._state.client).add_notification.call_args.args[0]
+    assert title == f"Stopped: the {tube_title(tissue.most_stressed)} nears its break"
     lead.nudge(0.0, 0.5, 0.0)  # towards the liver and out of the bed
     pass_time(lead, session, 0.5)
     assert before < tissue.stress_ratio < 1.0
