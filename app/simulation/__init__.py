@@ -11,6 +11,7 @@ from app.simulation.critical_view import MOST_POINTS, CriticalView, NextStep, Te
 from app.simulation.dissection import PIECES, Dissection, default_preset, fits, organ_beam
 from app.simulation.drawn_duct import Stresses, SurfaceStress
 from app.simulation.errors import (
+    CONSEQUENCES,
     ERROR_CLASSES,
     MODES,
     Conditions,
@@ -111,6 +112,7 @@ __all__ = [
     "AT_ANATOMY",
     "CAREFUL",
     "CLIP_OPENING",
+    "CONSEQUENCES",
     "DISTANCE_TO_BREAK",
     "ELEMENTS",
     "ERROR_CLASSES",

@@ -59,12 +59,7 @@ class Attempt:
             if number is not None:
                 if limit.passed_by(number):
                     last = errors.last_of(limit.of)
-                    if limit.of != "tear":
-                        return self._reason("", last.sentence)
-                    # With its own advice it says what did it.
-                    if last.values["instead"]:
-                        return last.sentence
-                    return self._reason(last.happened, last.sentence)
+                    return self._reason(last.happened if limit.of == "tear" else "", last.sentence)
                 continue
             value = self._recorder.measure(limit.of)
             largest = max(value) if isinstance(value, tuple) else value
@@ -78,6 +73,6 @@ class Attempt:
         cause = self._recorder.errors.cause()
         if cause is None:
             return alone
-        if not words or cause.error == "over_lifted":  # which says the limit itself
+        if not words or cause.error in ("over_lifted", "tear"):  # which say it themselves
             return cause.sentence
         return f"{words[0].upper()}{words[1:]}: {cause.advice}"

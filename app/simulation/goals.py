@@ -415,9 +415,10 @@ class _Viewing:
         return not left
 
     def _show(self, checklist: Sequence[str]) -> None:
-        reached = min(self._points / self._goal.points, 1.0)
-        self.progress = 0.5 * reached if self._goal.closes else reached
-        self.so_far = f"{self._points} of {self._goal.points} points"
+        asked = self._goal.points
+        points = min(self._points, asked)  # one step may bring two
+        self.progress = (0.5 if self._goal.closes else 1.0) * points / asked
+        self.so_far = f"{points} of {asked} points"
         self.standing = "; ".join([self.so_far, *checklist])
 
 

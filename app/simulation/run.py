@@ -85,8 +85,8 @@ class Run:
 
     @property
     def standing(self) -> str:
-        """What to do now in the exercise, in a few words; empty without one, or once it is over."""
-        return "" if self._attempt is None or self._over else self._attempt.standing
+        """What to do now in the exercise, or was at its end, in a few words; empty without one."""
+        return "" if self._attempt is None else self._attempt.standing
 
     @property
     def outcome(self) -> Outcome | None:

@@ -25,6 +25,7 @@ from app.simulation import (
     Series,
     Session,
     bed_named,
+    cause_of,
     perform,
 )
 from app.trainer.client.page_state import NUDGE
@@ -507,7 +508,8 @@ def test_a_result_is_there_before_its_run_is_replayed(
         perform(session, MANNERS["follow_front"]["clumsy"])
         page.get_by_test_id("outcome").wait_for()
         expect(page.get_by_test_id("error")).to_have_count(len(session.run.incidents()))
-        expect(page.get_by_test_id("timeline")).to_have_count(0)
+        waits = page.get_by_test_id("debrief").get_by_text("comes once the run is replayed")
+        expect(waits).to_be_visible()
         dialog.get_by_role("tab", name="Measures").click()
         expect(dialog.get_by_role("button", name="Download CSV")).to_be_disabled()
         expect(dialog.get_by_role("button", name="Download JSON")).to_be_enabled()
@@ -521,6 +523,7 @@ def test_a_result_is_there_before_its_run_is_replayed(
         tab.open("Learn")
         tab.press("Result of the last run")
         expect(page.get_by_test_id("timeline")).to_be_visible()
+        expect(waits).to_have_count(0)
         expect(page.get_by_test_id("debrief-numbers")).to_contain_text("scripted expert")
         expect(dialog.get_by_role("button", name="Show me")).to_be_enabled()
         dialog.get_by_role("tab", name="Measures").click()
@@ -607,7 +610,7 @@ def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand
         tab.wait_until(lambda: view.state.playback is None)
 
 
-def test_the_next_try_is_told_by_the_error_of_most_tries_else_by_the_limit() -> None:
+def test_the_next_try_is_told_by_what_failed_it_else_by_the_commonest_error_or_the_limit() -> None:
     session = bed_session(phantom(), vertices=300)
     exercise = next(e for e in bed_exercises(session) if e.name == "window")
 
@@ -624,6 +627,13 @@ def test_the_next_try_is_told_by_the_error_of_most_tries_else_by_the_limit() -> 
     assert next_time(exercise, failed, metrics, [[], [lean]]) == "Pull away from the bed."
     slip = error("hold_slipped", 1.0)  # a result, which stands before them in the table
     assert next_time(exercise, failed, metrics, [[slip, lean]]) == "Pull away from the bed."
+    # What failed it stands before what was commoner, and that before what was in more tries.
+    many = [[fast], [lean, lean, fast]]
+    assert next_time(exercise, failed, metrics, many).startswith("Pull away from the bed.")
+    assert next_time(exercise, failed, metrics, many, fast).startswith("Go in slowly")
+    torn = Incident("tear", 3.0, 3.0, 1, 0, 20.0, "injury", {"instead": "Close the jaws."})
+    assert cause_of([fast, torn], 3.0) == torn
+    assert next_time(exercise, failed, metrics, [[fast, torn]], torn) == "Close the jaws."
     alone = next_time(exercise, failed, metrics, [[error("tear", 3.0)]])
     assert re.fullmatch(r"The wall never past \d+ % of its break\.", alone)
     in_time = next_time(exercise, failed, {}, [[]])

@@ -386,7 +386,8 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         tab.wait_for_force(live.force)
         assert session.reading() == live
 
-        # The file that was downloaded is opened again.
+        # The file that was downloaded is opened again, from where it was begun.
+        tab.open("Replay")
         file = tmp_path / "run.json"
         file.write_bytes(run_json(run))
         tab.page.locator("input[type=file]").set_input_files(file)

@@ -9,12 +9,12 @@ from typing import cast
 import numpy as np
 import pytest
 from axe import no_faults
-from browser import TrainerPage, _newest, trainer_page
+from browser import TrainerPage, _newest, pass_ticks, stop_time, trainer_page
 from PIL import Image
 from playwright.sync_api import Browser, expect
 from simulated import phantom
 
-from app.simulation import TROCARS, Feedback, Replay, exercise_at, performed
+from app.simulation import TROCARS, Feedback, Replay, exercise_at, performed, read_script
 from app.simulation.performance import Script, Step
 from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.panel.scope_panel import GOAL, HOW, TURN
@@ -23,6 +23,7 @@ from app.trainer.scope.pose import Camera
 from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.server.trainer import Trainer
 from app.trainer.view.page_view import PageView
+from assets import SCRIPTS
 
 POSE = """() => { const p = window.bluntdissectScope?.picture, q = p?.pose;
     return q && [q.tip, q.right, q.up, q.back, [p.high, p.pivotError, p.drawn]]; }"""
@@ -303,6 +304,73 @@ def test_show_me_plays_the_recorded_critical_view(calot: Trainer, drawing_browse
         tab.wait_until(lambda: view.state.playback is None)
 
 
+def test_a_failed_try_names_its_cause_first_stands_still_and_is_begun_anew(
+    calot: Trainer, drawing_browser: Browser
+) -> None:
+    with trainer_page(
+        drawing_browser, calot.address, width=900, height=800, first_minute=True,
+        node="/scope/state",
+    ) as tab:  # fmt: skip
+        tab.start()
+        view, page = _newest(calot, "calot"), tab.page
+        session, lead = view.session, view._lead
+        assert lead is not None
+        tab.open("Learn")
+        tab.press("Show me")
+        # What hands do stands below the picture, and none of their errors.
+        caption = page.get_by_test_id("caption")
+        expect(caption).to_contain_text("The dissector")
+        expect(caption).to_contain_text("0 of 3 points")
+        playback = view.state.playback
+        assert playback is not None
+        tab.choose("Speed", "16×")
+        tab.wait_until(lambda: playback.session.run.errors > 0)
+        assert playback.incidents == ()
+        expect(page.get_by_test_id("replayed-error")).to_have_count(0)
+        tab.press("Leave the replay")
+        learn = page.get_by_role("tab", name="Learn", exact=True)
+        expect(learn).to_have_attribute("aria-selected", "true")
+        tab.press("Start")
+        tab.wait_until(lambda: session.run.exercise is not None)
+        lead.choose(1)
+        lead.use_instrument()  # its jaws are still led apart when the try is over
+        stop_time(tab, calot, view)
+        performed(read_script(SCRIPTS / "hasty.toml"), session)
+        outcome, dialog = page.get_by_test_id("outcome"), page.get_by_role("dialog")
+        expect(outcome).to_contain_text("as the jaws of the dissector opened against it")
+        expect(page.get_by_test_id("standing")).to_contain_text("0 of 3 points; ")
+        first = page.get_by_test_id("error").first
+        expect(first.get_by_role("button", name="1. A tube tore")).to_be_visible()
+        expect(page.get_by_test_id("next-time")).to_contain_text("Close the jaws, draw back")
+        # Nothing breaks or is lost beside the result: both have the same numbers.
+        metrics, figures = session.metrics(), page.get_by_test_id("readout")
+        ticks, view.state.paused = session.spatial.ticks, False
+        pass_ticks(tab, calot, 30)
+        assert session.spatial.ticks == ticks
+        assert session.reading().broken == metrics["strands_broken"]
+        expect(figures).to_have_attribute("data-broken", str(metrics["strands_broken"]))
+        dialog.get_by_role("tab", name="Measures").click()
+        torn = page.get_by_test_id("tear-measure")
+        expect(torn).to_contain_text("mm from the first end of the cystic artery.")
+        room = dialog.bounding_box()
+        assert room is not None
+        assert 0.0 <= room["y"] < room["y"] + room["height"] <= 800.0
+        tab.press("Try again")
+        state = page.get_by_test_id("exercise-state")
+        expect(state).to_contain_text("Ready. Time runs from your first touch.")
+        pass_ticks(tab, calot, 30)
+        assert not session.run.started
+        assert [hand.opening for hand in session.spatial.hands] == [0.0, 0.0]
+        assert view.state.hand == 0
+        # During a try *Show me* says why it is not offered.
+        session.open_jaws(1, 2.0)
+        shown = page.get_by_role("button", name="Show me, once this try is over")
+        expect(shown).to_be_disabled()
+        tab.press("Stop")
+        expect(outcome).to_have_attribute("data-outcome", "Not judged")
+        expect(page.get_by_test_id("standing")).to_contain_text("triangle, 0 of 2: 0 % free, 60 %")
+
+
 def test_structures_are_pointed_at_by_keys_and_mouse_and_photographed(
     calot: Trainer, drawing_browser: Browser
 ) -> None:
@@ -394,7 +462,7 @@ def test_an_exercise_asks_for_what_comes_next_and_counts_its_points(
             with session.lock:
                 beam.detach(np.isin(np.arange(beam.order.size), step.strands))
             tab.wait_until(lambda before=before: session.run.standing != before)
-            counted.append(int(session.run.standing.partition(" ")[0] or 3))
+            counted.append(int(session.run.standing.partition(" ")[0]))
         assert counted == sorted(counted)
         assert counted[-1] == 3
         assert len(asked) == len(counted) - 1

@@ -8,10 +8,17 @@ from app.simulation.errors.classes import (
     ErrorClass,
     Parameter,
 )
-from app.simulation.errors.incidents import Consequence, Incident, Incidents, cause_of
+from app.simulation.errors.incidents import (
+    CONSEQUENCES,
+    Consequence,
+    Incident,
+    Incidents,
+    cause_of,
+)
 
 __all__ = [
     "CLOSED_AFTER",
+    "CONSEQUENCES",
     "ERROR_CLASSES",
     "MODES",
     "Conditions",

@@ -9,7 +9,7 @@ import msgspec
 from app.simulation.clock import TICK_SECONDS
 from app.simulation.errors.classes import CLOSED_AFTER, ERROR_CLASSES, Conditions
 
-__all__ = ["Consequence", "Incident", "Incidents", "Values", "cause_of"]
+__all__ = ["CONSEQUENCES", "Consequence", "Incident", "Incidents", "Values", "cause_of"]
 
 Consequence = Literal["none", "near miss", "minor", "injury"]
 """Measured, up to 1 s after an incident. Near miss: the stress passed the exercise's limit, or the
@@ -64,13 +64,18 @@ def cause_of(incidents: Iterable[Incident], seconds: float) -> Incident | None:
     -------
     Incident | None
         Of the last second, the first by the order of `ERROR_CLASSES`; one that is a result only
-        where no other error began before it or with it. A tear explains nothing.
+        where no other error began before it or with it. A tear explains nothing, unless it says
+        what did it: then it stands before all.
     """
     recent = [
         each
         for each in incidents
-        if each.error != "tear" and round((seconds - each.end_s) / TICK_SECONDS) <= FOLLOWED_TICKS
+        if (each.error != "tear" or each.values.get("instead"))
+        and round((seconds - each.end_s) / TICK_SECONDS) <= FOLLOWED_TICKS
     ]
+    for each in recent:
+        if each.error == "tear":
+            return each
     acts = (each.start_s for each in recent if not ERROR_CLASSES[each.error].is_result)
     first, rank = min(acts, default=math.inf), list(ERROR_CLASSES)
     causes = [

@@ -77,7 +77,7 @@ class PageState:
     `colours`, `overlay` (the model's points), `plain` (the simple picture), `into_picture` (whether
     drags go there) and `marks_next` (whether what is to be parted next is marked) are the client's
     choices; `last_run` the last run that ended or was given up, to be judged and replayed,
-    `last_errors` its errors, and `kept` is called when there is one.
+    `last_errors` its errors, `last_standing` how far it had come; `kept` is called then.
     `exercise_inputs` says which inputs count in exercises, and `policy` starts one beside them.
     """
 
@@ -95,6 +95,7 @@ class PageState:
         self._panels = 0  # that have been removed
         self.last_run: RunFile | None = None
         self.last_errors: Sequence[Incident] = ()
+        self.last_standing = ""
         self.close_result: Callable[[], object] = lambda: None
         # the run whose end the page has shown
         self.announced: object = session.run if session.run.over else None
@@ -301,6 +302,7 @@ class PageState:
         """Keep the run so far as the last one, if there was any input."""
         with suppress(ValueError):  # there was none
             self.last_run, self.last_errors = self.run_so_far(), self.session.run.incidents()
+            self.last_standing = self.session.run.standing
             self.kept()
 
     def run_at_hand(self) -> RunFile | None:
@@ -385,6 +387,7 @@ class PageState:
     ) -> None:
         """Start anew with an exercise, at a grasp in a plane or in its bed."""
         self.leave_replay()
+        self.hand = min(self.device_hands, len(self.hands) - 1)
         session, inputs = self.session, self.exercise_inputs
         self._renew(lambda: session.start_exercise(exercise, feedback, grasp, inputs))
 
@@ -397,7 +400,7 @@ class PageState:
 
     def advance(self, ticks: int) -> bool:
         """Advance the session and what acts beside it; return whether anything has moved."""
-        moved = not self.paused and self.beside.advance(self.session, ticks)
+        moved = not self.paused and not self.rests and self.beside.advance(self.session, ticks)
         if not self.in_plane:
             self._tell_slips()
         return moved
@@ -410,6 +413,13 @@ class PageState:
                 tube = tube_title(tissue.tubes.names[hand.tube])
                 self.refuse(SLIPPED.format(tube, GRIP_N), "The hold is lost")
             self._slips[number] = hand.slips
+
+    @property
+    def rests(self) -> bool:
+        """Whether an exercise at an anatomy is over: what is judged breaks and bleeds no more."""
+        session = self.session
+        at_anatomy = session.run.closed and session.specimen.anatomy is not None
+        return at_anatomy and session.reading().phase is not Phase.TEARING
 
     def start_again(self, run: RunFile) -> None:
         """Start the exercise of a run again."""

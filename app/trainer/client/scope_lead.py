@@ -103,6 +103,7 @@ class ScopeLead:
         self._goals: list[Floats | None] = [None] * len(state.hands)
         # Of each hand, how far its jaws go apart or together, mm, or None.
         self._jaws: list[float | None] = [None] * len(state.hands)
+        self._run = state.session.run
         self._stops_at = STOPS_AT
         self._stress = 0.0  # of the last tick, over the strength
         # Of each hand, the direction in which it was stopped, (3,), or None.
@@ -285,8 +286,11 @@ class ScopeLead:
 
     def advance(self, ticks: int) -> None:
         """Lead the hands on for some ticks, no faster than they may."""
-        state = self._state
-        if state.playback is not None or state.paused or state.session.run.closed:
+        state, run = self._state, self._state.session.run
+        if run is not self._run:  # what was led before goes on in no other
+            self._run = run
+            self._lead_nothing()
+        if state.playback is not None or state.paused or run.closed:
             return
         stops, stress = self._nears_break(), state.session.spatial.stress_ratio
         rises, self._stress = stress > self._stress + RISES, stress
@@ -451,9 +455,12 @@ class ScopeLead:
 
     def reset(self) -> None:
         """Make all whole, and lead nothing."""
+        self._lead_nothing()
+        self._state.reset()
+
+    def _lead_nothing(self) -> None:
         self._goals = [None] * len(self._goals)
         self._jaws = [None] * len(self._jaws)
-        self._state.reset()
 
     def _may_act(self) -> bool:
         """Return whether the active hand can do something now; tell the client where not."""

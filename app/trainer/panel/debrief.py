@@ -11,6 +11,7 @@ import viser
 from numpy.typing import NDArray
 
 from app.simulation import (
+    CONSEQUENCES,
     ERROR_CLASSES,
     METRIC_OF,
     Exercise,
@@ -29,13 +30,11 @@ __all__ = ["BEFORE", "Debrief", "Done", "next_time", "where"]
 BEFORE = 1.0
 """s before an error from which its moment is played."""
 MOST_ERRORS = 12
-"""Errors that are told one by one, the first of a run."""
+"""Errors that are told one by one, the most important of a run."""
 MOST_POINTS = 300
 WIDTH, HEIGHT, LEFT, ROW = 260.0, 80.0, 30.0, 15.0
 """px of the picture, of its curve, of the room left of it, and of a hand's row of marks."""
-TIMELINE_PX = 190
-"""Height of the picture and its words."""
-LIST_PX = 150
+LIST_PX = 140
 """Height of the list of errors, which scrolls: all else fits beside it on a small screen."""
 HANDS = ("left hand", "right hand")
 PAST = "#ff8a80"
@@ -65,6 +64,7 @@ def next_time(
     outcome: Outcome | None,
     metrics: Metrics,
     tries: Sequence[Sequence[Incident]],
+    decided: Incident | None = None,
 ) -> str:
     """Return what to do in the next try, in a sentence.
 
@@ -74,19 +74,27 @@ def next_time(
         Of this try.
     tries
         The errors of the last tries, this one's at the end.
+    decided
+        The error that failed it, if one did.
 
     Returns
     -------
     str
     """
     errors = [each for one in tries for each in one if each.error != "tear"]
-    if errors:
-        # The error of most tries; of those what was done, not what came of it, by their order.
+    if errors or decided is not None:
+        # What failed it; else the commonest error of this try, or of most tries; of those what was
+        # done, not what came of it, by their order.
         often = Counter(key for one in tries for key in {each.error for each in one})
-        del often["tear"]
-        rank = sorted(ERROR_CLASSES, key=lambda each: ERROR_CLASSES[each].is_result)
-        key = min(often, key=lambda each: (-often[each], rank.index(each)))
-        last = next(each for each in reversed(errors) if each.error == key)
+        here, rank = Counter(each.error for each in tries[-1]), list(ERROR_CLASSES)
+        key = min(
+            {each.error for each in errors},
+            key=lambda each: (
+                ERROR_CLASSES[each].is_result, -here[each], -often[each], rank.index(each)
+            ),
+        )  # fmt: skip
+        last = decided or next(each for each in reversed(errors) if each.error == key)
+        key = last.error
         again = f" That was an error in {often[key]} of {len(tries)} tries." * (often[key] > 1)
         return f"{last.instead}{again}"
     if outcome is not None and outcome.passed:
@@ -112,6 +120,8 @@ class Debrief:
         What was to be done, and what to do next time.
     marks
         A course's benchmarks by metric.
+    decided
+        The error that failed it, which stands first.
     in_space
         Whether hands have led the run in space.
     play, play_expert
@@ -127,8 +137,10 @@ class Debrief:
         play: Callable[[float], object],
         play_expert: Callable[[float], object],
         *,
+        decided: Incident | None,
         in_space: bool,
     ) -> None:
+        self._decided = decided
         self._gui, self._exercise, self._advice, self._marks = gui, exercise, advice, marks
         self._play, self._play_expert, self._in_space = play, play_expert, in_space
         self._html = gui.add_html("")
@@ -136,7 +148,8 @@ class Debrief:
 
     def show(self, done: Done, expert: Done | None = None) -> None:
         """Show a run, with what it is compared with; a series without columns is not yet known."""
-        series, incidents = done.series, done.incidents[:MOST_ERRORS]
+        series = done.series
+        incidents = sorted(done.incidents, key=self._importance)[:MOST_ERRORS]
         exercise = self._exercise
         limits = {} if exercise is None else exercise.limit_of
         known = bool(series.columns)
@@ -171,27 +184,29 @@ class Debrief:
             else "<p data-testid='errors'>No errors were found in this run.</p>"
         )
         phrases = [_numbers_html(done, expert, limits, self._marks)]
-        if known and len(series["time_s"]):
+        if not known or len(series["time_s"]):
             limit = limits.get("peak_stress_ratio")
+            end = float(done.metrics["time_s"])
             phrases.append(
-                _timeline_html(series, expert, same, limit, incidents, moments, self._in_space)
-            )
-        elif not known:  # its room is kept, so that nothing moves under the mouse
-            phrases.append(
-                f"<div style='flex:1 1 190px;max-width:320px;height:{TIMELINE_PX}px'></div>"
+                _timeline_html(series, end, expert, same, limit, incidents, moments, self._in_space)
             )
         self._html.content = (
             "<div style='padding:0 12px 8px;font-size:13px;line-height:1.4'>"
             f"<p data-testid='next-time' style='margin:0 0 6px;font-size:14px'><b>Next time:</b> "
             f"{html.escape(self._advice)}</p>"
-            f"<div style='display:flex;flex-wrap:wrap;gap:4px 12px;align-items:flex-start'>"
-            f"{''.join(phrases)}</div>{errors}</div>"
+            f"{errors}<div style='display:flex;flex-wrap:wrap;gap:4px 12px;align-items:flex-start'>"
+            f"{''.join(phrases)}</div></div>"
         )
 
     def forget(self) -> None:
         """Remove its commands, once it is closed."""
         for each in self._commands.values():
             each.remove()
+
+    def _importance(self, each: Incident) -> tuple[object, ...]:
+        """Return what orders errors: what failed it, then by what came of them, class and time."""
+        rank = list(ERROR_CLASSES).index(each.error)
+        return each != self._decided, -CONSEQUENCES.index(each.consequence), rank, each.start_s
 
     def _command(
         self, whose: str, number: int, name: str, hint: str, act: Callable[[], object]
@@ -273,6 +288,7 @@ def _shown(key: str, value: float) -> str:
 
 def _timeline_html(
     series: Series,
+    end: float,
     expert: Done | None,
     same: NDArray[np.float64] | None,
     limit: float | None,
@@ -280,10 +296,10 @@ def _timeline_html(
     moments: Sequence[str],
     in_space: bool,
 ) -> str:
-    """Return the stress over time with numbered marks of errors below it, a row for each hand."""
-    time = series["time_s"]
-    fraction = _fraction(series)
-    end = max(float(time[-1]), 1.0)
+    """Return numbered errors by hand until an end, s, below the stress once its series is known."""
+    known, end = bool(series.columns), max(end, 1.0)
+    time = series["time_s"] if known else np.zeros(0)
+    fraction = _fraction(series) if known else np.zeros(0)
 
     def x(seconds: float) -> float:
         return LEFT + min(seconds / end, 1.0) * (WIDTH - LEFT - 6.0)
@@ -291,8 +307,10 @@ def _timeline_html(
     def y(level: float) -> float:
         return HEIGHT - min(max(level, 0.0), 1.0) * (HEIGHT - 8.0)
 
-    even = np.linspace(0, len(time) - 1, min(len(time), MOST_POINTS)).round().astype(int)
-    index = np.unique(np.append(even, int(np.argmax(fraction))))  # the peak is what counts
+    index = np.zeros(0, dtype=int)
+    if known:
+        even = np.linspace(0, len(time) - 1, min(len(time), MOST_POINTS)).round().astype(int)
+        index = np.unique(np.append(even, int(np.argmax(fraction))))  # the peak is what counts
 
     def curve(values: NDArray[np.float64]) -> str:
         return " ".join(
@@ -305,6 +323,7 @@ def _timeline_html(
         "opacity='.3' fill='none'/>",
     ]
     words = "Stress of the wall, % of break, over time in s; below it errors, by hand."
+    words += " The stress comes once the run is replayed." * (not known)
     if same is not None and expert is not None:
         beside = np.interp(same, expert.series["time_s"], _fraction(expert.series))
         phrases.append(
@@ -321,7 +340,7 @@ def _timeline_html(
             f"<path d='M{LEFT} {y(limit):.1f}H{WIDTH}' stroke='{LIMIT_COLOUR}' "
             "stroke-dasharray='6 4' fill='none'/>"
         )
-    if in_space:
+    if known and in_space:
         parted = x(0.0) + (time[1:][np.diff(series["strands_broken"]) > 0.0] / end) * (
             x(end) - x(0.0)
         )
@@ -352,10 +371,8 @@ def _timeline_html(
         f"<text x='{x(at):.1f}' y='{bottom + 10}' text-anchor='{anchor}'>{at:.3g}</text>"
         for at, anchor in ((0.0, "middle"), (end, "end"))
     ]
-    label = (
-        f"Stress of the wall in % of its break over {end:.1f} s, at most "
-        f"{100.0 * float(fraction.max()):.0f} %; errors: {len(incidents)}"
-    )
+    most = f", at most {100.0 * float(fraction.max()):.0f} %" if known else ""
+    label = f"Stress of the wall in % of its break over {end:.1f} s{most}; errors: {len(incidents)}"
     return (
         "<div data-testid='debrief' style='flex:1 1 190px;max-width:320px'>"
         f"<svg viewBox='0 0 {WIDTH:g} {bottom + 14:g}' width='100%' role='img' "

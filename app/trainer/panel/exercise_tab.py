@@ -16,7 +16,7 @@ from app.simulation import (
 from app.trainer.client.beside import Role
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import Choice, note, on_click, on_input, set_if_changed
-from app.trainer.panel.result_page import SHOW_ME, Watch, show_result
+from app.trainer.panel.result_page import SHOW, SHOW_ME, Watch, show_result
 
 __all__ = ["ExerciseTab"]
 
@@ -60,7 +60,7 @@ class ExerciseTab:
         )
         self._start = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY, disabled=True)
         self._show_me = gui.add_button(
-            "Show me", icon=viser.Icon.SCHOOL, color="gray", visible=False, hint=SHOW_ME
+            SHOW, icon=viser.Icon.SCHOOL, color="gray", visible=False, hint=SHOW_ME
         )
         self._stop = gui.add_button(
             "Stop", icon=viser.Icon.PLAYER_STOP, color="gray", visible=False,
@@ -140,7 +140,10 @@ class ExerciseTab:
                 handle.visible = visible
                 if handle is self._stop:
                     self._describe()
-        set_if_changed(self._show_me, disabled=busy and run.started)  # not while one tries
+        tries = busy and run.started
+        set_if_changed(
+            self._show_me, disabled=tries, label=f"{SHOW}, once this try is over" if tries else SHOW
+        )
         if busy:
             set_if_changed(self._progress, value=round(100.0 * run.progress, 1))
             limit = run.exercise.time_limit_s if run.exercise else 0.0
@@ -178,7 +181,7 @@ class ExerciseTab:
             session.set_threshold(state.session.tissue.threshold)
             session.start_exercise(exercise)
             done = careful_run(session)
-            self._replay(done.run, 0.0, done.incidents)
+            self._replay(done.run, 0.0, ())
 
         state.attempt("Scripted hands do it.", perform_it)
 

@@ -17,8 +17,10 @@ TOO_SHORT = "too short"
 _CELL = "text-align:right;padding:3px 0 3px 8px"
 
 
-def outcome_html(outcome: Outcome | None, title: str, remark: str, *, asked: bool) -> str:
-    """Return the outcome of a run as HTML; one without it was stopped, or nothing was asked."""
+def outcome_html(
+    outcome: Outcome | None, title: str, remark: str, standing: str, *, asked: bool
+) -> str:
+    """Return a run's outcome as HTML; without one it was stopped as far as its `standing`."""
     if outcome is None:
         word, colour = "Not judged", _PLAIN
         reason = "You stopped it before its end." if asked else "It was no exercise."
@@ -32,6 +34,11 @@ def outcome_html(outcome: Outcome | None, title: str, remark: str, *, asked: boo
         f"<span style='border:1px solid {colour};color:{colour};border-radius:99px;"
         f"padding:2px 12px;font-weight:600;font-size:13px'>{word}</span></div>"
         f"<div style='font-size:15px;margin-top:4px'>{html.escape(reason)}</div>"
+        + (
+            f"<div data-testid='standing' style='font-size:13px;opacity:.8'>"
+            f"{html.escape(standing[:1].upper() + standing[1:])}.</div>"
+        )
+        * (standing != "")
         + (
             f"<div data-testid='remark' style='font-size:13px'>{html.escape(remark)}</div>"
             * (remark != "")

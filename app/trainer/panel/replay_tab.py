@@ -5,12 +5,15 @@ from collections.abc import Callable, Sequence
 
 import viser
 
-from app.simulation import ERROR_CLASSES, Incident, RunFile, read_run, run_json
+from app.simulation import ERROR_CLASSES, Incident, RunFile, Session, read_run, run_json
 from app.trainer.client.page_state import PageState
+from app.trainer.panel.caption import Caption, reached_words
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.debrief import BEFORE, where
 from app.trainer.panel.export_box import add_export
+from app.trainer.panel.frame import LEARN
 from app.trainer.panel.result_page import run_name
+from app.trainer.viser_bridge.page import open_tab
 
 __all__ = ["ReplayTab"]
 
@@ -56,12 +59,13 @@ class ReplayTab:
         self._csv = gui.add_button("Download CSV", icon=viser.Icon.TABLE_EXPORT, color="gray")
         add_export(gui, state)
         gui.add_html(note(_TELLING))
+        self._back, self._caption = "", Caption()
         self._playing = False
         self._put = 0.0
         self._of: object = None
         self._was_playing = False
         on_click(self._this, self._replay_this)
-        on_click(self._leave, state.leave_replay)
+        on_click(self._leave, self._leave_it)
         on_click(self._play, self._play_or_pause)
         on_click(self._json, lambda: self._download("json"))
         on_click(self._csv, lambda: self._download("csv"))
@@ -71,16 +75,18 @@ class ReplayTab:
         @self._open.on_upload
         def _(_: object) -> None:
             content = self._open.value.content
-            self.replay(lambda: read_run(content))
+            self.replay(lambda: read_run(content), back="")
 
     def replay(
         self,
         read: Callable[[], RunFile],
         at: float = 0.0,
         incidents: Sequence[Incident] | None = None,
+        back: str = LEARN,
     ) -> None:
-        """Replay a run from a time, s, on, or say why that is not possible."""
+        """Replay a run from a time, s, on, or say why that is not possible; then go `back`."""
         start = self._state.start_replay
+        self._back, self._caption = back, Caption()
         self._state.attempt("Making the run again.", lambda: start(read(), at, incidents))
 
     def show(self) -> None:
@@ -102,6 +108,8 @@ class ReplayTab:
             set_if_changed(handle, visible=visible)
         there_now = _near(playback.incidents, playback.time) if playback is not None else None
         text = "" if there_now is None else _error_html(there_now, hands=not state.in_plane)
+        if playback is not None and not playback.incidents:
+            text = self._caption_html(playback.session)
         # Its room is kept: a button below it stays where it is.
         set_if_changed(self._error, content=f"<div style='min-height:{ERROR_PX}px'>{text}</div>")
         some = state.session.run.started or state.last_run is not None
@@ -128,10 +136,22 @@ class ReplayTab:
             self._time.value = time
         self._was_playing = playback.playing
 
+    def _caption_html(self, session: Session) -> str:
+        """Return what hands do now, and what they have reached."""
+        if (tissue := session.tissue.in_space) is not None:
+            self._caption.look(tissue)
+        does, reached = self._caption.words, reached_words(session.run.standing)
+        return note(f"<b>{html.escape(does)}</b><br>{html.escape(reached)}", "caption")
+
+    def _leave_it(self) -> None:
+        self._state.leave_replay()
+        if self._back:
+            open_tab(self._state.client, self._back)
+
     def _replay_this(self) -> None:
         run = self._state.run_at_hand()
         if run is not None:
-            self.replay(lambda: run)
+            self.replay(lambda: run, back="")
 
     def _download(self, kind: str) -> None:
         run = self._state.run_at_hand()

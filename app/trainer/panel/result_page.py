@@ -24,6 +24,7 @@ from app.simulation import (
     Sights,
     Stay,
     careful_run,
+    cause_of,
     has_careful_run,
     run_json,
 )
@@ -37,10 +38,11 @@ from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
 from app.trainer.viser_bridge.page import open_tab
 
-__all__ = ["SHOW_ME", "Watch", "run_name", "run_title", "show_result"]
+__all__ = ["SHOW", "SHOW_ME", "Watch", "run_name", "run_title", "show_result"]
 
 Watch: TypeAlias = Callable[[RunFile, float, Sequence[Incident] | None], object]
-"""Replays a run from a time, s, on; its errors are found meanwhile where they are not given."""
+"""Replays a run from a time, s, on; its errors are found meanwhile where they are not given. A
+demonstration is given none."""
 # Earlier tries shown beside a result.
 TRIES_BESIDE = 2
 _BESIDE = (
@@ -50,6 +52,7 @@ _BESIDE = (
 _REPLAYED = "The run is replayed for this, which takes a while."
 PROGRESS_TICKS = 150
 """Between two words of how far that is."""
+SHOW = "Show me"
 SHOW_ME = "A scripted hand does it, careful and steady; it is no surgeon"
 NO_SERIES = Series((), ())
 """Of an expert's run that is not compared tick by tick."""
@@ -145,6 +148,10 @@ def show_result(
 
     several = run.log.start.anatomy is not None
     tears = [each for each in incidents if each.error == "tear"]
+    cause = cause_of(incidents, run.metrics["time_s"])
+    # A time that is over is put down to no error.
+    failed = run.outcome is not None and cause is not None and cause.instead in run.outcome.reason
+    decided = cause if failed else None
     by_sliders = exercise is not None and run.log.exercise_inputs == "any"
     tries = [incidents]
     if exercise is not None:
@@ -153,7 +160,7 @@ def show_result(
     advice = (
         "Choose an exercise: it says what to do instead."
         if exercise is None
-        else next_time(exercise, run.outcome, run.metrics, tries)
+        else next_time(exercise, run.outcome, run.metrics, tries, decided)
     )
     forget: list[Callable[[], None]] = []
     closed = threading.Event()
@@ -177,7 +184,7 @@ def show_result(
         def play_expert(at: float) -> None:
             close()
             for each in experts:
-                watch(each.run, at, each.incidents)
+                watch(each.run, at, ())
 
         def again() -> None:
             state.start_again(run)
@@ -188,6 +195,7 @@ def show_result(
                 run.outcome,
                 run_title(run),
                 _SLIDERS if by_sliders else "",
+                "" if run.outcome is not None and run.outcome.passed else state.last_standing,
                 asked=exercise is not None,
             )
         )
@@ -205,7 +213,7 @@ def show_result(
         with tabs.add_tab("Errors"):
             debrief = Debrief(
                 gui, exercise, advice, state.marks_of(exercise), play, play_expert,
-                in_space=run.log.start.theory is None,
+                decided=decided, in_space=run.log.start.theory is None,
             )  # fmt: skip
             forget.append(debrief.forget)
             debrief.show(Done(run.metrics, incidents, NO_SERIES))
@@ -224,7 +232,8 @@ def show_result(
             with tabs.add_tab("What was seen"):
                 seen = gui.add_html(_photographs_html(state.photographs) + note(_REPLAYED))
         show_me = gui.add_button(
-            "Show me", icon=viser.Icon.SCHOOL, color="gray", hint=SHOW_ME, disabled=True,
+            f"{SHOW}, once this run is replayed", icon=viser.Icon.SCHOOL, color="gray",
+            hint=SHOW_ME, disabled=True,
             visible=exercise is not None and has_careful_run(exercise),
         )  # fmt: skip
         whole = gui.add_button("Watch it again", icon=viser.Icon.PLAYER_PLAY, color="gray")
@@ -264,7 +273,7 @@ def show_result(
         experts.append(expert)
         debrief.show(done, best)
         compared.content = measures(best.metrics)
-        show_me.disabled = False
+        show_me.label, show_me.disabled = SHOW, False
 
     def follow_until_closed() -> None:
         try:
