@@ -12,7 +12,7 @@ import numpy as np
 
 from app.anatomy import anatomy_named, drawn_anatomy
 from app.simulation import ELEMENTS, TICKS_PER_SECOND, Session, Specimen
-from app.trainer.scope.packing import Packing
+from app.trainer.scope.packing import Frame, Packing
 from app.trainer.scope.pose import Pose
 
 __all__ = ["print_cost"]
@@ -54,7 +54,7 @@ def print_cost() -> None:
         begun = time.process_time()
         session.advance()
         done = time.process_time()
-        packing.write(session.spatial.beam, Pose(), 0.0)
+        packing.write(session.spatial.beam, Frame(Pose()), 0.0)
         session.reading()
         ticks[tick], pictures[tick] = done - begun, time.process_time() - done
     tick_ms, picture_ms = 1e3 * ticks.mean(), 1e3 * pictures.mean()
