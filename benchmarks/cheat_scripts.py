@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.simulation import JAW_RADIUS, Exercise
-from app.simulation.scripted_hands import Clip
+from app.simulation.scripts.scripted_hands import Clip
 from benchmarks.faults import (
     COVERED,
     SAFE,

@@ -21,7 +21,7 @@ from app.simulation import (
     perform,
     specimen_in_bed,
 )
-from app.simulation.scripted_hands import Technique
+from app.simulation.scripts.scripted_hands import Technique
 
 __all__ = ["measure_exercises"]
 

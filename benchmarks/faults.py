@@ -37,9 +37,9 @@ from app.simulation import (
     free_specimen,
     specimen_in_bed,
 )
-from app.simulation.exercise_limits import AT_ANATOMY, IN_BED
-from app.simulation.scripted_hands import Clip, Follow, Spread
-from app.simulation.spatial_tissue import CLIP_OPENING
+from app.simulation.scripts.exercise_limits import AT_ANATOMY, IN_BED
+from app.simulation.scripts.scripted_hands import Clip, Follow, Spread
+from app.simulation.tissue.spatial_tissue import CLIP_OPENING
 
 __all__ = ["FAULTS", "Fault", "done", "exercises", "good", "measure_faults"]
 

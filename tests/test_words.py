@@ -146,7 +146,7 @@ def test_a_measure_has_one_name() -> None:
     for metric in METRICS:
         if metric.key not in under_another:
             assert metric.title.partition(" {")[0].lower() in page, metric.key
-    older = ROOT / "app" / "simulation" / "older_runs.py"
+    older = ROOT / "app" / "simulation" / "runs" / "older_runs.py"
     for path in [*(ROOT / "app").rglob("*.py"), *(ROOT / "physics").rglob("*.py")]:
         if path != older:
             assert not re.search(r"[Ss]trands_parted|peak_stress_share", path.read_text()), path

@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 CLOSED_SECONDS = 0.4
-"""s after its last tick for which an incident counts as going on (`app.simulation.errors`)."""
+"""s after its last tick for which an incident counts as going on (`Incident`)."""
 SAME_CAUSE, IDLE_DAYS, MANY_TIMES = 3, 7, 2.0
 """Tries in a row that fail for one cause, days without a run, and tries over the class's median,
 from which on somebody is said to need help."""

@@ -5,12 +5,8 @@ What is listed here is the package's public face; other packages import from it 
 """
 
 from app.bed_preset import BedPreset, bed_named, bed_presets
-from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
-from app.simulation.comparison import Ghost, GhostReading, SwingingChain
-from app.simulation.critical_view import MOST_POINTS, CriticalView, NextStep, Tenting
-from app.simulation.dissection import PIECES, Dissection, default_preset, fits, organ_beam
-from app.simulation.drawn_duct import Stresses, SurfaceStress
-from app.simulation.errors import (
+from app.simulation.exercises.critical_view import MOST_POINTS, CriticalView, NextStep, Tenting
+from app.simulation.exercises.errors import (
     CONSEQUENCES,
     ERROR_CLASSES,
     MODES,
@@ -19,7 +15,7 @@ from app.simulation.errors import (
     Incident,
     cause_of,
 )
-from app.simulation.exercise import (
+from app.simulation.exercises.exercise import (
     Exercise,
     ExerciseInputs,
     Feedback,
@@ -29,13 +25,13 @@ from app.simulation.exercise import (
     Outcome,
     Stay,
 )
-from app.simulation.exercise_limits import AT_ANATOMY, exercise_at, exercises_offered, not_offered
-from app.simulation.exercise_table import EXERCISES
-from app.simulation.grasped_beam import BeamModel, GraspedBeam
-from app.simulation.grasper import HAND_SPEED, Grasper, Load
-from app.simulation.hand import GRIP_N, Hand
-from app.simulation.held_pull import pull_and_hold
-from app.simulation.inputs import (
+from app.simulation.exercises.exercise_table import EXERCISES
+from app.simulation.exercises.metrics import DISTANCE_TO_BREAK, METRIC_OF, METRICS, Metric, Metrics
+from app.simulation.exercises.older_exercises import renamed_exercise, renamed_goal, renamed_numbers
+from app.simulation.inputs.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
+from app.simulation.inputs.grasper import HAND_SPEED, Grasper, Load
+from app.simulation.inputs.hand import GRIP_N, Hand
+from app.simulation.inputs.inputs import (
     ALL_INSTRUMENTS,
     HOLDING,
     INSTRUMENTS,
@@ -45,12 +41,37 @@ from app.simulation.inputs import (
     Structure,
     TheoryChoice,
 )
-from app.simulation.metrics import DISTANCE_TO_BREAK, METRIC_OF, METRICS, Metric, Metrics
-from app.simulation.older_exercises import renamed_exercise, renamed_goal, renamed_numbers
-from app.simulation.older_runs import read_run, renamed_metrics
-from app.simulation.performance import Performance, Script, Step, performed, read_script
-from app.simulation.planar_tissue import PlanarTissue
-from app.simulation.preset import (
+from app.simulation.inputs.trocar import TROCARS, Trocar
+from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
+from app.simulation.runs.older_runs import read_run, renamed_metrics
+from app.simulation.runs.run import Run
+from app.simulation.runs.run_file import (
+    ELEMENTS,
+    HANDS,
+    MOST_BYTES,
+    OrganIdentity,
+    RunFile,
+    RunFileError,
+    RunLog,
+    anatomy_or_name,
+    run_json,
+)
+from app.simulation.scripts.exercise_limits import (
+    AT_ANATOMY,
+    exercise_at,
+    exercises_offered,
+    not_offered,
+)
+from app.simulation.scripts.performance import Performance, Script, Step, performed, read_script
+from app.simulation.scripts.recorded_hands import CarefulRun, careful_run, has_careful_run
+from app.simulation.scripts.scripted_hands import CAREFUL, MANNERS, Technique, perform
+from app.simulation.seen import Seen, Sights
+from app.simulation.session.session import VERTICES, Session, free_specimen, specimen_in_bed
+from app.simulation.specimen.comparison import Ghost, GhostReading, SwingingChain
+from app.simulation.specimen.dissection import PIECES, Dissection, default_preset, fits, organ_beam
+from app.simulation.specimen.drawn_duct import Stresses, SurfaceStress
+from app.simulation.specimen.grasped_beam import BeamModel, GraspedBeam
+from app.simulation.specimen.preset import (
     ASSUMED_PRESET,
     LIMITS,
     THESIS_PRESET,
@@ -64,28 +85,29 @@ from app.simulation.preset import (
     presets,
     read_preset,
 )
-from app.simulation.reached_tube import REACH, near_place, pointed_at, seen_beside, wall_offset
-from app.simulation.reading import FluidReading, NickReading, Reading, Vector
-from app.simulation.recorded_hands import CarefulRun, careful_run, has_careful_run
-from app.simulation.replay import AFTER_TEAR, FEW, Replay, Series, loading_rates
-from app.simulation.run import Run
-from app.simulation.run_file import (
-    ELEMENTS,
-    HANDS,
-    MOST_BYTES,
-    OrganIdentity,
-    RunFile,
-    RunFileError,
-    RunLog,
-    anatomy_or_name,
-    run_json,
+from app.simulation.specimen.specimen import Specimen
+from app.simulation.specimen.surface_mapping import SurfaceMapping
+from app.simulation.specimen.tear import (
+    FRONT_SECONDS,
+    SETTLED_SECONDS,
+    Phase,
+    tear_front,
+    tear_swing,
 )
-from app.simulation.safety import Safety
-from app.simulation.scripted_hands import CAREFUL, MANNERS, Technique, perform
-from app.simulation.seen import Seen, Sights
-from app.simulation.session import VERTICES, Session, free_specimen, specimen_in_bed
-from app.simulation.sight import FIELD_OF_VIEW, TOWARDS_VIEWER
-from app.simulation.spatial_tissue import (
+from app.simulation.specimen.tubes import Tubes
+from app.simulation.tissue.held_pull import pull_and_hold
+from app.simulation.tissue.planar_tissue import PlanarTissue
+from app.simulation.tissue.reached_tube import (
+    REACH,
+    near_place,
+    pointed_at,
+    seen_beside,
+    wall_offset,
+)
+from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Vector
+from app.simulation.tissue.safety import Safety
+from app.simulation.tissue.sight import FIELD_OF_VIEW, TOWARDS_VIEWER
+from app.simulation.tissue.spatial_tissue import (
     CLIP_OPENING,
     JAW_RADIUS,
     MOST_OPENING,
@@ -98,12 +120,7 @@ from app.simulation.spatial_tissue import (
     Rod,
     SpatialTissue,
 )
-from app.simulation.specimen import Specimen
-from app.simulation.surface_mapping import SurfaceMapping
-from app.simulation.tear import FRONT_SECONDS, SETTLED_SECONDS, Phase, tear_front, tear_swing
-from app.simulation.tissue import Tissue
-from app.simulation.trocar import TROCARS, Trocar
-from app.simulation.tubes import Tubes
+from app.simulation.tissue.tissue import Tissue
 
 __all__ = [
     "AFTER_TEAR",

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
-from app.simulation.errors import Incident
-from app.simulation.measures import RATE_SECONDS, RATE_TICKS
-from app.simulation.run_file import RunFile, RunLog
-from app.simulation.session import Session
-from app.simulation.tear import SETTLED_SECONDS
+from app.simulation.exercises.errors import Incident
+from app.simulation.inputs.clock import TICK_SECONDS, TICKS_PER_SECOND
+from app.simulation.runs.run_file import RunFile, RunLog
+from app.simulation.session.measures import RATE_SECONDS, RATE_TICKS
+from app.simulation.session.session import Session
+from app.simulation.specimen.tear import SETTLED_SECONDS
 from organ_geometry import Organ
 
 __all__ = ["AFTER_TEAR", "FEW", "Replay", "Series", "loading_rates"]

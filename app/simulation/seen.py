@@ -3,11 +3,11 @@
 from typing import NamedTuple
 
 from app.anatomy import tube_title
-from app.simulation.clock import TICK_SECONDS, TICKS_PER_SECOND
-from app.simulation.critical_view import MOST_POINTS, CriticalView
-from app.simulation.safety import ENOUGH, SOME, Safety
-from app.simulation.session import Session
-from app.simulation.spatial_tissue import EventKind
+from app.simulation.exercises.critical_view import MOST_POINTS, CriticalView
+from app.simulation.inputs.clock import TICK_SECONDS, TICKS_PER_SECOND
+from app.simulation.session.session import Session
+from app.simulation.tissue.safety import ENOUGH, SOME, Safety
+from app.simulation.tissue.spatial_tissue import EventKind
 
 __all__ = ["Seen", "Sights"]
 

@@ -13,7 +13,7 @@ from browser import close_browser, new_context, running_browser
 from simulated import bed_exercises, bed_session, phantom
 
 from app.simulation import Session
-from app.simulation.scripted_hands import Follow
+from app.simulation.scripts.scripted_hands import Follow
 from app.trainer.scene.tissue_scene import Colours, TissueScene
 from app.trainer.stage.lighting import Look
 

@@ -16,7 +16,7 @@ from app.simulation import (
     bed_named,
     default_preset,
 )
-from app.simulation.errors import CLOSED_AFTER
+from app.simulation.exercises.errors import CLOSED_AFTER
 from benchmarks.cheat_scripts import CHEATS
 from benchmarks.faults import FAULTS
 

@@ -23,8 +23,10 @@ from program import run
 from app.classroom import exercise_file
 from app.classroom.exercise_file import GOALS, read_exercise, template
 from app.command_line.load import shipped_organ
-from app.simulation import older_runs, preset, read_run, run_file
-from app.simulation.preset import preset_toml, presets, read_preset
+from app.simulation import read_run
+from app.simulation.runs import older_runs, run_file
+from app.simulation.specimen import preset
+from app.simulation.specimen.preset import preset_toml, presets, read_preset
 from organ_geometry import read_image_stack
 from organ_geometry.images import image_files, spacing_file, stack_reader
 from organ_geometry.organ_file import organ_code, organ_file, organ_from_bytes, symbol_coder

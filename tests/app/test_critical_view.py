@@ -25,8 +25,8 @@ from app.simulation import (
     read_script,
     run_json,
 )
-from app.simulation.critical_view import Closing, closing_step
-from app.simulation.goals import CriticalView
+from app.simulation.exercises.critical_view import Closing, closing_step
+from app.simulation.exercises.goals import CriticalView
 from assets import SCRIPTS
 
 

@@ -26,10 +26,10 @@ from app.simulation import (
     bed_named,
     specimen_in_bed,
 )
-from app.simulation.attempt import Attempt
-from app.simulation.clock import TICK_SECONDS
-from app.simulation.dissection_measures import DissectionRecorder
-from app.simulation.errors import CLOSED_AFTER, Conditions, Incidents, cause_of
+from app.simulation.exercises.attempt import Attempt
+from app.simulation.exercises.errors import CLOSED_AFTER, Conditions, Incidents, cause_of
+from app.simulation.inputs.clock import TICK_SECONDS
+from app.simulation.session.dissection_measures import DissectionRecorder
 from benchmarks.cheat_scripts import CHEATS, Cheat
 from benchmarks.faults import FAULTS, Fault, done, exercises, good, patient_plough
 

@@ -23,10 +23,10 @@ from app.simulation import (
     renamed_exercise,
     run_json,
 )
-from app.simulation.attempt import Attempt
-from app.simulation.exercise import feedback_visible
-from app.simulation.measures import PullMetrics, PullRecorder
-from app.simulation.scripted_hands import CLUMSY, HASTY, Reach
+from app.simulation.exercises.attempt import Attempt
+from app.simulation.exercises.exercise import feedback_visible
+from app.simulation.scripts.scripted_hands import CLUMSY, HASTY, Reach
+from app.simulation.session.measures import PullMetrics, PullRecorder
 from organ_geometry.organ import Organ
 from physics import BreakEvent, Exact, RuptureCheck, TautString, Theory
 

@@ -9,7 +9,7 @@ import pytest
 from simulated import phantom, pull, pull_session, settle, tear
 
 from app.simulation import TICK_SECONDS, Load, Session, SwingingChain, preset_named, presets
-from app.simulation.comparison import SWINGS_PER_SECOND
+from app.simulation.specimen.comparison import SWINGS_PER_SECOND
 from physics import (
     Beam,
     Cubic,

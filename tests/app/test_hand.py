@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from simulated import phantom, pull, pull_session, settle, tear
 
 from app.simulation import TICK_SECONDS, Clock, Grasper, Phase, Session, preset_named, presets
-from app.simulation.grasper import HAND_SPEED
+from app.simulation.inputs.grasper import HAND_SPEED
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from physics import Cubic, Exact
 
@@ -331,7 +331,7 @@ def test_idle_ticks_solve_nothing(session: Session, monkeypatch: pytest.MonkeyPa
     def solve(*_: object) -> None:
         raise AssertionError("an idle tick solves")
 
-    monkeypatch.setattr("app.simulation.grasped_beam.GraspedBeam.solve", solve)
+    monkeypatch.setattr("app.simulation.specimen.grasped_beam.GraspedBeam.solve", solve)
     for _ in range(100):
         assert not session.advance()
 

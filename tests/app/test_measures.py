@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from simulated import phantom, pull_session, settle
 
 from app.simulation import TICK_SECONDS, Phase, Replay, loading_rates
-from app.simulation.measures import PullMetrics
-from app.simulation.metrics import METRIC_OF, METRICS, Metric
+from app.simulation.exercises.metrics import METRIC_OF, METRICS, Metric
+from app.simulation.session.measures import PullMetrics
 from physics import BreakEvent, Cubic, RuptureCheck
 
 

@@ -18,8 +18,8 @@ from app.export.vtk_series import snapshot_contents
 from app.haptics.duct_choice import DuctChoice
 from app.haptics.haptic_bed import HapticBed
 from app.simulation import TICKS_PER_SECOND, Replay, Specimen, bed_named, preset_named, run_json
-from app.simulation.run_file import RunFile
-from app.simulation.spatial_tissue import SpatialTissue
+from app.simulation.runs.run_file import RunFile
+from app.simulation.tissue.spatial_tissue import SpatialTissue
 from physics import DEEPEST
 
 

@@ -34,7 +34,7 @@ from app.simulation import (
     perform,
     run_json,
 )
-from app.simulation.scripted_hands import HASTY
+from app.simulation.scripts.scripted_hands import HASTY
 from app.trainer.client.page_state import HAND_ONLY
 from app.trainer.client.workers import EXPORT_VERTICES
 from app.trainer.connections.bounds import Bounds

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from app.anatomy import Anatomy, anatomy_named
 from app.simulation import FEW, Replay, Session, Specimen, performed, run_json
-from app.simulation.inputs import Instrument
-from app.simulation.performance import Script, Step
+from app.simulation.inputs.inputs import Instrument
+from app.simulation.scripts.performance import Script, Step
 from physics.bed import EnergyBalance
 from physics.bed.kernels import RETRACED
 

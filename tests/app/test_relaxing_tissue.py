@@ -26,7 +26,7 @@ from app.simulation import (
     read_run,
     run_json,
 )
-from app.simulation.scripted_hands import Lift, perform
+from app.simulation.scripts.scripted_hands import Lift, perform
 from physics.bed import Relaxation
 
 SCENE = """

@@ -43,7 +43,7 @@ from app.simulation import (
     seen_beside,
     wall_offset,
 )
-from app.simulation.trocar import DEEPEST, LENGTH
+from app.simulation.inputs.trocar import DEEPEST, LENGTH
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import (
     BENT_STEADY,

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, expect
 from simulated import phantom
 
 from app.simulation import TROCARS, Feedback, Replay, exercise_at, performed, read_script
-from app.simulation.performance import Script, Step
+from app.simulation.scripts.performance import Script, Step
 from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.panel.scope_panel import GOAL, HOW, TURN
 from app.trainer.scope.drawn_tissue import _roll

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from simulated import phantom, pull, pull_session, settle, tear
 
 from app.simulation import Phase, Session, Stresses, SurfaceStress, preset_named
-from app.simulation.drawn_duct import fibre_fractions
+from app.simulation.specimen.drawn_duct import fibre_fractions
 from app.trainer.panel.compare_tab import OFFERED_THEORIES
 from organ_geometry.mesh.skin import organ_skin
 from organ_geometry.organ import Organ

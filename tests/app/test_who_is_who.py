@@ -18,7 +18,7 @@ from app.simulation import (
     read_run,
     run_json,
 )
-from app.simulation.exercise import Opening
+from app.simulation.exercises.exercise import Opening
 from app.trainer.client.picture_series import PICTURES, PictureSeries
 
 SHORT, TRAP, PARALLEL, DOUBLE, COVERED = 20, 41, 14, 32, 12

@@ -21,7 +21,7 @@ from test_rigged_organ import SPECK
 
 from app.export.recorded_run import RUN, rigged_runs
 from app.simulation import PIECES, TICK_SECONDS
-from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.specimen.drawn_duct import DrawnDuct
 
 pytestmark = pytest.mark.long
 

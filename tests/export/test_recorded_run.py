@@ -27,7 +27,7 @@ from app.simulation import (
     bed_named,
     run_json,
 )
-from app.simulation.drawn_duct import DrawnDuct
+from app.simulation.specimen.drawn_duct import DrawnDuct
 from organ_geometry.mesh import organ_skin
 from physics import Exact
 

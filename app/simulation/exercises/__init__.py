@@ -1,0 +1,1 @@
+"""What is asked and judged: metrics, classes of errors, goals, limits, and exercises."""

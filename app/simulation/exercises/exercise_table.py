@@ -1,0 +1,88 @@
+"""The exercises that the trainer has, as far as they are the same on every duct."""
+
+from dataclasses import dataclass
+
+from app.simulation.inputs.inputs import ALL_INSTRUMENTS, HOLDING, INSTRUMENTS, Instrument
+
+__all__ = ["EXERCISES", "ExerciseKind"]
+
+
+@dataclass(frozen=True)
+class ExerciseKind:
+    """An exercise as it is on every duct.
+
+    In a bed the limits are `spare` times the stress that good hands need in an even one, and
+    `spare_force` times an instrument's force: about four standard deviations over beds of 20 seeds,
+    and the strongest place of a scattered bed asks for more than an even one (docs/measures.md).
+    At least `lifted` of the stress of hands that lift the duct off instead is allowed.
+    """
+
+    title: str
+    method: str
+    errors: tuple[str, ...]  # classes that fail it
+    instruments: tuple[Instrument, ...] = INSTRUMENTS
+    in_hand: tuple[Instrument, ...] = ()  # at the start, if not the usual
+    time_limit_s: float = 60.0
+    spare: float = 1.0
+    spare_force: float | None = None
+    lifted: float = 0.0
+
+
+TOO_FAST = ("fast_pull", "near_break_fast")
+WITH_JAWS = (
+    "blind_stab", "jumping_jaws", "stirring", "ploughing", "fast_in_tissue", "fast_pull",
+    "instrument_on_wall",
+)  # fmt: skip
+EXERCISES: dict[str, ExerciseKind] = {
+    "window": ExerciseKind(
+        "Open a window", "pass the dissector behind it and open the jaws",
+        WITH_JAWS, in_hand=("hook", "dissector"), time_limit_s=120.0, spare=1.1,
+        lifted=1.0 / 3.0,
+    ),
+    "follow_front": ExerciseKind(
+        "Follow the front",
+        "it is divided and its end is free; take hold where it is free no more, lift, let go, "
+        "and take hold again",
+        ("ahead_of_front", "repeated_holds", "one_go", "leaning", "behind_front", *TOO_FAST),
+        HOLDING, time_limit_s=120.0, spare=1.2,
+    ),
+    "free_scar": ExerciseKind(
+        "Free a scar with two hands",
+        "hold it up with one hand and open the dissector behind the scar with the other",
+        ("no_traction", "traction_lost", "leaning", *WITH_JAWS), in_hand=("grasper", "dissector"),
+        time_limit_s=120.0, spare=1.25, spare_force=1.5,
+    ),
+    "first_view": ExerciseKind(
+        "First view",
+        "draw the gallbladder aside, part the tissue of the triangle, lift the neck, and draw the "
+        "gallbladder off the liver; dots mark what comes next",
+        ("wrong_structure", "bleeding"), ALL_INSTRUMENTS, time_limit_s=900.0,
+    ),
+    "critical_view": ExerciseKind(
+        "Critical view",
+        "show the two structures that alone enter the gallbladder, clear the triangle and free "
+        "the lower third of the cystic plate, between gallbladder and liver",
+        (
+            "wrong_structure", "mistaken", "clip_wrong_tube", "divided_before_view", "clip_short",
+            "bleeding",
+        ),
+        ALL_INSTRUMENTS, time_limit_s=1200.0,
+    ),
+    "who_is_who": ExerciseKind(
+        "Who is who",
+        "choose a structure and press it in the picture; the scope may be moved, no hand is",
+        ("mistaken", "named_unsafe", "held_back"),
+        ALL_INSTRUMENTS, time_limit_s=180.0,
+    ),
+    "stop_bleeding": ExerciseKind(
+        "Stop a bleeding",
+        "the cystic artery tears with your first touch; bring the open jaws of the clip applier "
+        "past it on either side, between the tear and where it comes from, and clip it",
+        ("wrong_structure", "clip_wrong_tube", "clip_astray", "unattended_bleeding", "blind_stab"),
+        ALL_INSTRUMENTS, in_hand=("grasper", "clip applier"), time_limit_s=60.0, spare=4.0,
+    ),
+    "hold_stretch": ExerciseKind("Hold a stretch", "", TOO_FAST),
+    "approach_break": ExerciseKind("Approach the break", "", TOO_FAST),
+    "gentle_lifts": ExerciseKind("Dissect gently", "", TOO_FAST, time_limit_s=90.0),
+}  # fmt: skip
+"""What the trainer offers, by name."""

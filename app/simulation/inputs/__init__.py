@@ -1,0 +1,1 @@
+"""What drives a session: its clock, its inputs, and the hands and instruments they lead."""

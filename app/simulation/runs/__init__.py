@@ -1,0 +1,1 @@
+"""Runs: their inputs as they are logged, and their files, the older ones too."""

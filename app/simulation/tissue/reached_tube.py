@@ -1,0 +1,94 @@
+"""Which tube is at a tip or is pointed at, and where jaws that hold one are."""
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation.inputs.trocar import TROCARS
+from app.simulation.tissue.spatial_tissue import SpatialTissue
+from physics.bed import BeamOnBed
+
+__all__ = ["REACH", "Side", "near_place", "pointed_at", "seen_beside", "wall_offset"]
+
+Floats = NDArray[np.float64]
+
+REACH = 3.5
+"""mm from a tube's wall at which jaws can still close on it."""
+MISSED = 0.5
+"""mm beside a wall at which it is still pointed at."""
+Side = Literal["in front of", "behind", "beside"]
+"""Of a tube, as it is seen."""
+BESIDE = math.sin(math.radians(30.0))
+"""Sine of the angle with the picture's plane within which a tip is beside a tube."""
+BITE = 1.2
+"""mm of a wall that jaws take in."""
+
+
+def near_place(beam: BeamOnBed, tip: Floats, reach: float = REACH) -> tuple[int, float] | None:
+    """Return the number of the tube at a tip, (3,) mm, and the station; None out of reach."""
+    distance, number, station = _nearest_wall(beam, tip)
+    return (number, station) if distance < reach else None
+
+
+def _nearest_wall(beam: BeamOnBed, tip: Floats) -> tuple[float, int, float]:
+    """Return how far a tip, (3,) mm, is from the nearest wall, the tube and the station."""
+    # Within a wall the distance is below zero, and the deepest counts.
+    best, found = math.inf, (0, 0.0)
+    for number, (name, tube) in enumerate(beam.network.tubes.items()):
+        places = beam.places[beam.nodes_of(name)]
+        chord = np.diff(places, axis=0)
+        square = np.maximum((chord**2).sum(axis=1), 1e-12)
+        fraction = np.clip(((tip - places[:-1]) * chord).sum(axis=1) / square, 0.0, 1.0)
+        off = np.sqrt((((places[:-1] + fraction[:, None] * chord) - tip) ** 2).sum(axis=1))
+        off -= tube.radius[:-1] + fraction * np.diff(tube.radius)
+        k = int(off.argmin())
+        if off[k] < best:
+            stations = beam.stations_of(name)
+            best = float(off[k])
+            found = number, float(stations[k] + fraction[k] * (stations[k + 1] - stations[k]))
+    return best, *found
+
+
+def seen_beside(beam: BeamOnBed, tip: Floats, axes: Floats) -> tuple[float, int, Side]:
+    """Return how far a tip, (3,) mm, is from the nearest wall, which tube's, and its side of it."""
+    # The picture's axes are columns: right, up, and back to the eye.
+    far, number, station = _nearest_wall(beam, tip)
+    name = list(beam.network.tubes)[number]
+    off = tip - beam.places_at(np.array([station]), name)[0]
+    back = float(off @ axes[:, 2])
+    if abs(back) < BESIDE * math.sqrt(float((off * off).sum())):
+        return far, number, "beside"
+    return far, number, "in front of" if back > 0.0 else "behind"
+
+
+def pointed_at(beam: BeamOnBed, eye: Floats, direction: Floats) -> tuple[int, float] | None:
+    """Return the number of the tube seen first along a direction, (3,), and the station, mm."""
+    direction = direction / math.sqrt(float((direction * direction).sum()))
+    nearest, found = math.inf, None
+    for number, (name, tube) in enumerate(beam.network.tubes.items()):
+        stations = beam.stations_of(name)
+        fine = np.linspace(0.0, float(stations[-1]), 4 * len(stations))
+        offset = beam.places_at(fine, name) - eye
+        deep = (offset * direction).sum(axis=1)
+        radius = np.interp(fine, tube.stations, tube.radius)
+        # A finger is less exact than a mouse: what is missed by so little is meant.
+        off = np.sqrt(((offset - deep[:, None] * direction) ** 2).sum(axis=1)) - MISSED
+        wall = deep - np.sqrt(np.maximum(radius**2 - np.maximum(off, 0.0) ** 2, 0.0))
+        wall[(off > radius) | (deep <= 0.0)] = math.inf
+        at = int(wall.argmin())
+        if wall[at] < nearest:
+            nearest, found = float(wall[at]), (number, float(fine[at]))
+    return found
+
+
+def wall_offset(tissue: SpatialTissue, hand: int) -> Floats:
+    """(3,) mm from the axis that a hand holds to its jaws on the wall; zero of an empty hand."""
+    holder = tissue.hands[hand]
+    if holder.node is None:
+        return np.zeros(3)
+    name = tissue.tubes.names[holder.tube]
+    at = int(np.flatnonzero(tissue.beam.nodes_of(name) == holder.node)[0])
+    radius = float(tissue.tubes.network.tubes[name].radius[at])
+    return max(radius - BITE, 0.0) * TROCARS[hand].shaft(holder.place)
