@@ -92,12 +92,7 @@ let pointed = false;
 document.addEventListener("pointerdown", () => { pointed = true; }, true);
 document.addEventListener("keydown", () => { pointed = false; }, true);
 for (const kind of ["click", "change"]) document.addEventListener(kind, event => {
-  if (pointed && event.target.closest?.(CHOSEN)) document.activeElement?.blur();
-});
-
-// Nor does a list that was chosen from by a click keep letters: they are keys of commands again.
-document.addEventListener("click", event => {
-  if (event.detail > 0 && event.target.closest?.("[role=option]")) setTimeout(() => document.activeElement?.blur());
+  if (pointed && event.target.closest?.(CHOSEN)) setTimeout(() => document.activeElement?.blur());
 });
 
 // A tab is opened: of the panel at the side by a key, of a phone's by a click; once it is there.
