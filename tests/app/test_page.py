@@ -354,9 +354,8 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         tab.wait_until(lambda: len(over_time(tab)) == 2)
         distance, force = over_time(tab)
         again.seek_tick(run.log.ticks)
-        assert [row[-1] for row in force[:2]] == [
-            run.log.ticks / 30.0, again.session.reading().force
-        ]  # fmt: skip
+        assert force[0][-1] == pytest.approx(run.log.ticks / 30.0, rel=1e-15)
+        assert force[1][-1] == again.session.reading().force
         assert [distance[2][0], distance[3][0]] == [15.0, 0.0]  # the goal: the margin
 
         # Replay it: at its end the page shows what the run has shown, and then the live duct.
