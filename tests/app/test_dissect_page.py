@@ -634,6 +634,7 @@ def test_the_next_try_is_told_by_what_failed_it_else_by_the_commonest_error_or_t
     torn = Incident("tear", 3.0, 3.0, 1, 0, 20.0, "injury", {"instead": "Close the jaws."})
     assert cause_of([fast, torn], 3.0) == torn
     assert next_time(exercise, failed, metrics, [[fast, torn]], torn) == "Close the jaws."
+    assert next_time(exercise, failed, metrics, [[torn]], torn) == "Close the jaws."
     alone = next_time(exercise, failed, metrics, [[error("tear", 3.0)]])
     assert re.fullmatch(r"The wall never past \d+ % of its break\.", alone)
     in_time = next_time(exercise, failed, {}, [[]])

@@ -86,16 +86,18 @@ def next_time(
         # What failed it; else the commonest error of this try, or of most tries; of those what was
         # done, not what came of it, by their order.
         often = Counter(key for one in tries for key in {each.error for each in one})
-        here, rank = Counter(each.error for each in tries[-1]), list(ERROR_CLASSES)
-        key = min(
-            {each.error for each in errors},
-            key=lambda each: (
-                ERROR_CLASSES[each].is_result, -here[each], -often[each], rank.index(each)
-            ),
-        )  # fmt: skip
-        last = decided or next(each for each in reversed(errors) if each.error == key)
-        key = last.error
-        again = f" That was an error in {often[key]} of {len(tries)} tries." * (often[key] > 1)
+        last = decided
+        if last is None:
+            here, rank = Counter(each.error for each in tries[-1]), list(ERROR_CLASSES)
+            key = min(
+                {each.error for each in errors},
+                key=lambda each: (
+                    ERROR_CLASSES[each].is_result, -here[each], -often[each], rank.index(each)
+                ),
+            )  # fmt: skip
+            last = next(each for each in reversed(errors) if each.error == key)
+        tried = often[last.error]
+        again = f" That was an error in {tried} of {len(tries)} tries." * (tried > 1)
         return f"{last.instead}{again}"
     if outcome is not None and outcome.passed:
         return "The same once more, so that it was no luck."
