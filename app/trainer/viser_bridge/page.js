@@ -88,11 +88,14 @@ document.documentElement.addEventListener("keydown", event => {
 
 // What was clicked keeps no keys: letters and arrows lead on. What keys have come to keeps them.
 const CHOSEN = "[role=tab],[role=option],input[type=radio],input[type=checkbox]";
+const letGo = () => document.activeElement?.blur();
 let pointed = false;
 document.addEventListener("pointerdown", () => { pointed = true; }, true);
 document.addEventListener("keydown", () => { pointed = false; }, true);
 for (const kind of ["click", "change"]) document.addEventListener(kind, event => {
-  if (pointed && event.target.closest?.(CHOSEN)) setTimeout(() => document.activeElement?.blur());
+  if (!pointed || !event.target.closest?.(CHOSEN)) return;
+  letGo();
+  setTimeout(letGo);  // a list takes the focus back once it has closed
 });
 
 // A tab is opened: of the panel at the side by a key, of a phone's by a click; once it is there.
