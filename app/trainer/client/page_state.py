@@ -400,7 +400,7 @@ class PageState:
 
     def advance(self, ticks: int) -> bool:
         """Advance the session and what acts beside it; return whether anything has moved."""
-        moved = not self.paused and not self.rests and self.beside.advance(self.session, ticks)
+        moved = not self.paused and not self._rests and self.beside.advance(self.session, ticks)
         if not self.in_plane:
             self._tell_slips()
         return moved
@@ -415,7 +415,7 @@ class PageState:
             self._slips[number] = hand.slips
 
     @property
-    def rests(self) -> bool:
+    def _rests(self) -> bool:
         """Whether an exercise at an anatomy is over: what is judged breaks and bleeds no more."""
         session = self.session
         at_anatomy = session.run.closed and session.specimen.anatomy is not None
