@@ -4,6 +4,7 @@ import io
 import math
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import cast
 
 import numpy as np
@@ -93,6 +94,20 @@ class ScopePage:
         return picture[round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].mean(axis=(0, 1))
 
 
+@contextmanager
+def scope_page(
+    browser: Browser, calot: Trainer, width: int = 900, height: int = 560
+) -> Iterator[ScopePage]:
+    """A page with the picture, begun, which no message covers."""
+    with trainer_page(
+        browser, calot.address, width=width, height=height, first_minute=True, node="/scope/state"
+    ) as tab:
+        expect(tab.page.get_by_role("dialog").get_by_role("button", name="Start")).to_be_focused()
+        tab.start()
+        tab.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+        yield ScopePage(tab, _newest(calot, "calot"))
+
+
 def red(colour: np.ndarray) -> np.ndarray:
     """Return how many times redder than green a colour is."""
     return colour[..., 0] / np.maximum(colour[..., 1], 8.0)
@@ -100,19 +115,8 @@ def red(colour: np.ndarray) -> np.ndarray:
 
 def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Browser) -> None:
     """A bile-coloured gallbladder, pale fat, a red liver, black corners; then blood, that grows."""
-    with trainer_page(
-        drawing_browser,
-        calot.address,
-        width=900,
-        height=560,
-        first_minute=True,
-        node="/scope/state",
-    ) as tab:
-        tab.start()
-        # It covers the picture while it says that a processor draws.
-        tab.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
-        view = _newest(calot, "calot")
-        page = ScopePage(tab, view)
+    with scope_page(drawing_browser, calot) as page:
+        tab, view = page.tab, page.view
         tab.eventually(page.check_pose)
         # Given back, the scope is seen at home at once, though nothing else moves; and a checkbox
         # that was clicked keeps no keys.
@@ -228,14 +232,8 @@ def test_the_panel_at_an_anatomy_is_for_everyone(
 ) -> None:
     """Nothing serious for axe-core on a small page, which is not cut."""
     width, height = size
-    with trainer_page(
-        drawing_browser, calot.address, width=width, height=height, first_minute=True,
-        node="/scope/state",
-    ) as tab:  # fmt: skip
-        page, dialog = tab.page, tab.page.get_by_role("dialog")
-        expect(dialog.get_by_role("button", name="Start")).to_be_focused()
-        tab.start()
-        page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+    with scope_page(drawing_browser, calot, width, height) as shown:
+        tab, page, dialog = shown.tab, shown.tab.page, shown.tab.page.get_by_role("dialog")
         tabs = page.get_by_role("tablist")
 
         def room_to_work() -> bool:
@@ -248,7 +246,7 @@ def test_the_panel_at_an_anatomy_is_for_everyone(
             no_faults(tab, name)
         # What is said of an instrument is of one to four lines, and nothing below it moves.
         tops: set[float] = set()
-        state = _newest(calot, "calot").state
+        state = shown.view.state
         for each in ("hook", "dissector", "clip applier", "suction", "grasper"):
             state.choose_instrument(0, each)
             expect(page.get_by_test_id("how")).to_have_text(HOW[each])
@@ -264,7 +262,6 @@ def test_the_panel_at_an_anatomy_is_for_everyone(
         assert wide <= width
         # A press in the middle of what the panel leaves of the picture leads the tip there.
         expect(dialog).to_have_count(0)
-        shown = ScopePage(tab, _newest(calot, "calot"))
         box = page.locator("canvas").first.bounding_box()
         assert box is not None
         covered = page.evaluate("() => bluntdissectScope.picture.covered")
@@ -277,14 +274,10 @@ def test_the_panel_at_an_anatomy_is_for_everyone(
         page.mouse.up()
 
 
-def test_show_me_plays_the_recorded_critical_view(calot: Trainer, drawing_browser: Browser) -> None:
+def test_show_me_plays_the_recorded_critical_view(calot: Trainer, browser: Browser) -> None:
     """It begins at its start, and not once its nine minutes have been computed."""
-    with trainer_page(
-        drawing_browser, calot.address, width=900, height=560, first_minute=True,
-        node="/scope/state",
-    ) as tab:  # fmt: skip
-        tab.start()
-        view = _newest(calot, "calot")
+    with scope_page(browser, calot) as page:
+        tab, view = page.tab, page.view
         tab.open("Learn")
         tab.choose("Exercise", "Critical view")
         tab.press("Show me")
@@ -305,14 +298,10 @@ def test_show_me_plays_the_recorded_critical_view(calot: Trainer, drawing_browse
 
 
 def test_a_failed_try_names_its_cause_first_stands_still_and_is_begun_anew(
-    calot: Trainer, drawing_browser: Browser
+    calot: Trainer, browser: Browser
 ) -> None:
-    with trainer_page(
-        drawing_browser, calot.address, width=900, height=800, first_minute=True,
-        node="/scope/state",
-    ) as tab:  # fmt: skip
-        tab.start()
-        view, page = _newest(calot, "calot"), tab.page
+    with scope_page(browser, calot, height=800) as shown:
+        tab, view, page = shown.tab, shown.view, shown.tab.page
         session, lead = view.session, view._lead
         assert lead is not None
         tab.open("Learn")
@@ -374,14 +363,9 @@ def test_a_failed_try_names_its_cause_first_stands_still_and_is_begun_anew(
 def test_structures_are_pointed_at_by_keys_and_mouse_and_photographed(
     calot: Trainer, drawing_browser: Browser
 ) -> None:
-    with trainer_page(
-        drawing_browser, calot.address, width=900, height=560, first_minute=True,
-        node="/scope/state",
-    ) as tab:  # fmt: skip
-        tab.start()
-        tab.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
-        view = _newest(calot, "calot")
-        page, tissue = ScopePage(tab, view), view.session.spatial
+    with scope_page(drawing_browser, calot) as page:
+        tab, view = page.tab, page.view
+        tissue = view.session.spatial
         anatomy = view.session.specimen.anatomy
         assert anatomy is not None
         exercise = exercise_at(anatomy, "who_is_who")
@@ -430,11 +414,8 @@ def test_an_exercise_asks_for_what_comes_next_and_counts_its_points(
     calot: Trainer, browser: Browser
 ) -> None:
     """In one line that nothing moves for, to a screen reader too, until all points are there."""
-    with trainer_page(
-        browser, calot.address, width=900, height=560, first_minute=True, node="/scope/state"
-    ) as tab:
-        tab.start()
-        view = _newest(calot, "calot")
+    with scope_page(browser, calot) as page:
+        tab, view = page.tab, page.view
         session, lead = view.session, view._lead
         assert lead is not None
         goal, asks = (tab.page.get_by_test_id(each) for each in ("goal", "next"))
@@ -474,14 +455,8 @@ def test_a_right_angle_s_tip_is_turned_by_keys_and_buttons(
     calot: Trainer, drawing_browser: Browser
 ) -> None:
     """The picture shows it, and the run logs each turn."""
-    with trainer_page(
-        drawing_browser, calot.address, width=900, height=560, first_minute=True,
-        node="/scope/state",
-    ) as tab:  # fmt: skip
-        tab.start()
-        tab.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
-        view = _newest(calot, "calot")
-        page, session = ScopePage(tab, view), view.session
+    with scope_page(drawing_browser, calot) as page:
+        tab, session = page.tab, page.view.session
         tab.press("Right hand")
         tab.choose("Right hand", "right angle")
         tab.wait_until(lambda: session.spatial.hands[1].instrument == "right angle")
