@@ -355,6 +355,15 @@ def test_a_failed_try_names_its_cause_first_stands_still_and_is_begun_anew(
         session.open_jaws(1, 2.0)
         shown = page.get_by_role("button", name="Show me, once this try is over")
         expect(shown).to_be_disabled()
+        # A key that is pressed by mistake ends no try.
+        page.keyboard.press("r")
+        expect(page.get_by_text("Reset once more if you mean it.")).to_have_count(1)
+        assert session.run.started
+        page.keyboard.press("r")
+        tab.wait_until(lambda: session.run.exercise is None)
+        tab.press("Start")
+        tab.wait_until(lambda: session.run.exercise is not None)
+        session.open_jaws(1, 2.0)
         tab.press("Stop")
         expect(outcome).to_have_attribute("data-outcome", "Not judged")
         expect(page.get_by_test_id("standing")).to_contain_text("triangle, 0 of 2: 0 % free, 60 %")

@@ -49,6 +49,7 @@ PAST_BREAK = 1.05
 """Target of a ramp to the tear, over the force at break."""
 FORCE_KEY = "F takes its force away, and gives it back."
 EXERCISE_GOES_ON = "An exercise goes on until it is over. Stop it first."
+GIVES_UP = "That ends the try, and makes all whole. Reset once more if you mean it."
 EXERCISE_OVER = "The exercise is over. Reset (R) makes all whole, to try again or to go on."
 SLIPPED = (
     "The {} slid out of the grasper, which holds {:g} N. Take hold again, and pull more gently."
@@ -123,6 +124,7 @@ class PageState:
         self._home = False
         self._slips = [0] * HANDS  # how often tissue has slipped out of each hand
         self._refusal: viser.NotificationHandle | None = None
+        self._given_up: object = None  # the try that was asked about when it was to be given up
         self._other_organ: Callable[[], None] | None = None
         self.device: str | None = None  # the haptic device that holds a hook, or None
         self.device_hands = 0  # how many of the first hands are devices'
@@ -372,7 +374,16 @@ class PageState:
         self._changed = True
 
     def reset(self) -> None:
-        """Make all whole and bring the view home; the next input starts a run."""
+        """Make all whole and bring the view home; the next input starts a run.
+
+        A try that has begun is given up only when it is asked for twice.
+        """
+        run = self.session.run
+        if self.in_exercise and run.started and run is not self._given_up:
+            self._given_up = run
+            self.refuse(GIVES_UP, "An exercise goes on")
+            return
+        self.forget_refusal()
         self._renew(self.session.reset)
         self.bring_home()
 

@@ -453,11 +453,6 @@ class ScopeLead:
             self._jaws[self.hand] = None
             state.session.open_jaws(self.hand, state.hands[self.hand].target_opening + more)
 
-    def reset(self) -> None:
-        """Make all whole, and lead nothing."""
-        self._lead_nothing()
-        self._state.reset()
-
     def _lead_nothing(self) -> None:
         self._goals = [None] * len(self._goals)
         self._jaws = [None] * len(self._jaws)

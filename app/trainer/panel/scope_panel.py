@@ -222,7 +222,7 @@ class ScopePanel:
         self._plain = gui.add_checkbox(SIMPLE_PICTURE, initial_value=self._state.plain, hint=PLAIN)
         on_input(self._plain, lambda value: self._state.show(plain=value is True))
         reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, hint="All whole again (R)")
-        on_click(reset, lead.reset)
+        on_click(reset, self._state.reset)
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
@@ -429,7 +429,7 @@ class ScopePanel:
             "J": lambda: self._turn("left"),
             "L": lambda: self._turn("right"),
             "P": lambda: state.set_paused(not state.paused),
-            "R": lead.reset,
+            "R": state.reset,
             "V": state.bring_home,
         }
         add_keys(state, KEYS, actions, ALWAYS)
