@@ -168,8 +168,9 @@ class HapticBed:
         rods = {} if before is None else {rod.number: rod for rod in before.rods}
         for rod in touch.rods:
             old = rods.pop(rod.number, None)
-            if old is None or (old.shaft, old.radius) != (rod.shaft, rod.radius):
-                beam.set_rod(rod.number, rod.tip, rod.shaft, rod.radius)
+            # Its tip is led, and all else of it is set.
+            if old is None or old[2:] != rod[2:]:
+                beam.set_rod(*rod)
         for number in rods:
             beam.withdraw_rod(number)
         self._touch, self._touch_steps = touch, max(1, round(TICK_SECONDS / self._period))

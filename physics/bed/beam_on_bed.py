@@ -184,10 +184,15 @@ class BeamOnBed(Readings):
         self.state.load_to[node] = _three(force, "a force", "N")
 
     def set_rod(
-        self, rod: int, tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float
+        self,
+        rod: int,
+        tip: Sequence[float] | Floats,
+        shaft: Sequence[float],
+        radius: float,
+        length: float = math.inf,
     ) -> None:
-        """Place a rod: its tip, mm, direction back along the shaft, radius, mm."""
-        row = _rod_row(tip, shaft, radius)
+        """Place a rod: its tip, mm, direction back along the shaft, radius and length, mm."""
+        row = _rod_row(tip, shaft, radius, length)
         self._account()
         for rods in (self.state.rods, self.state.rods_from, self.state.rods_to):
             rods[rod] = row
@@ -199,10 +204,14 @@ class BeamOnBed(Readings):
         self.state.sums[kernels.ROD_WORK] += work
 
     def nearness(
-        self, tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float
+        self,
+        tip: Sequence[float] | Floats,
+        shaft: Sequence[float],
+        radius: float,
+        length: float = math.inf,
     ) -> float:
         """Return how near a rod's axis would be to a tube's, over half the distance of touch."""
-        return float(kernels.nearest_core(self.state, _rod_row(tip, shaft, radius)))
+        return float(kernels.nearest_core(self.state, _rod_row(tip, shaft, radius, length)))
 
     def lead_rod(self, rod: int, tip: Sequence[float] | Floats) -> None:
         """Set the target of a rod's tip, mm."""
@@ -394,14 +403,18 @@ def step_numbers(step: float) -> tuple[float, float, float]:
     return step / (DELAY + step), DRAG / step, step
 
 
-def _rod_row(tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float) -> Floats:
+def _rod_row(
+    tip: Sequence[float] | Floats, shaft: Sequence[float], radius: float, length: float
+) -> Floats:
     """Return a rod as the state has it."""
     direction = np.array(_three(shaft, "a rod's direction", "mm"))
-    length = float(np.sqrt((direction**2).sum()))
-    if length == 0.0:
+    size = float(np.sqrt((direction**2).sum()))
+    if size == 0.0:
         raise ValueError("a rod's direction must not be zero")
     thick = positive(radius, "a rod's radius", "mm")
-    return np.array([*_three(tip, "a rod's tip", "mm"), *(direction / length), thick, 1.0])
+    if not length > 0.0:
+        raise ValueError(f"a rod's length must be above 0 mm, got {length:g} mm")
+    return np.array([*_three(tip, "a rod's tip", "mm"), *(direction / size), thick, 1.0, length])
 
 
 def _three(values: Sequence[float] | Floats, name: str, unit: str) -> tuple[float, float, float]:

@@ -246,7 +246,7 @@ def _set_goals(s: kernels.State, fraction: float) -> None:
     """Interpolate goals, dead forces and rods towards their targets."""
     s.goal[:] = s.goal_from + fraction * (s.goal_to - s.goal_from)
     s.load[:] = s.load_from + fraction * (s.load_to - s.load_from)
-    s.rods[:] = s.rods_from + fraction * (s.rods_to - s.rods_from)
+    s.rods[:, :3] = s.rods_from[:, :3] + fraction * (s.rods_to[:, :3] - s.rods_from[:, :3])
 
 
 def _settle(s: kernels.State, rounding: float) -> _Spent | None:

@@ -146,7 +146,7 @@ def test_the_first_view_is_reached_by_mouse_and_keys_alone() -> None:
 
 @pytest.mark.long  # ten minutes of hands
 def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
-    """Five of six points, then marks, clips and divisions, with no wall over 85 % of its break."""
+    """Five of six points, then marks, clips and divisions, with no wall over 90 % of its break."""
     trainee = begun("critical_view")
     session = trainee.session
     # Behind the cystic duct.
@@ -162,6 +162,11 @@ def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
     for station in (8.0, 3.0, 14.0):
         between_gallbladder_and_liver(trainee, station)
     trainee.pull(OFF_THE_LIVER, 6.0)
+    for station in (12.0, 20.0):
+        trainee.hold(station)
+        trainee.pull(OFF_THE_LIVER, 8.0)
+    for station in (18.0, 6.0):
+        between_gallbladder_and_liver(trainee, station)
     let_go(trainee)
     # What is left lies between both ducts, and behind the artery.
     into_the_corner(trainee, 15.0, 43.0, 0.5, 1.0)
@@ -171,11 +176,6 @@ def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
     into_the_corner(trainee, 8.0, 34.0, 0.6, 0.8)
     between_the_ducts(trainee, 12.0, 38.0)
     into_the_corner(trainee, 8.0, 34.0, 0.3, -0.5)
-    into_the_corner(trainee, 7.0, 33.0, 0.7, 1.5)
-    for station, past in ((10.0, 3.0), (6.0, 2.0)):
-        behind(trainee, "artery", station, 4.0, past, 2.5)
-    into_the_corner(trainee, 7.0, 33.0, 0.7, -1.5)
-    between_the_ducts(trainee, 11.0, 37.0)
     into_the_corner(trainee, 7.0, 33.0, 0.7, 1.5)
     assert trainee.points() == (1, 2, 2)
     assert session.run.standing.startswith("the view reached; mark the cystic")
@@ -192,7 +192,7 @@ def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
     assert outcome is not None
     assert outcome.passed, outcome.reason
     assert session.run.seconds < 640.0
-    assert session.spatial.peak_stress_ratio < 0.85
+    assert session.spatial.peak_stress_ratio < 0.9
     assert [each.kind for each in session.spatial.events] == [*["clip"] * 6, *["division"] * 2]
     kept = session.run_file()
     replay = Replay(kept.log, session.tissue.dissection.organ, tore=False)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -259,6 +260,49 @@ def test_hands_that_tremble_or_leap_make_no_snap_below_zero(millimetres: float) 
     energy = live.energy
     energies = energy.stored + energy.dissipated + energy.snap + energy.drag + energy.lag
     assert energy.work == pytest.approx(energies + energy.residual, rel=1e-12)
+
+
+@pytest.mark.parametrize("length", [6.0, 14.0, 60.0])
+def test_a_short_rod_is_the_same_from_both_ends_and_nothing_past_them(length: float) -> None:
+    """Led under a duct, up, and out on its other side, through strands that go round it."""
+    beam = SpaceBeam.of(DUCT, elements=40)
+    layer = replace(LAYER, around=0.5)
+    u = np.array([0.1, 0.9, 0.2]) / math.sqrt(0.86)
+    path = np.array(
+        [[20.0, 19.0, -6.0], [24.0, -5.0, -6.0], [28.0, -4.0, -2.0], [29.0, -30.0, -4.0]]
+    )
+    lives = [
+        BeamOnBed(beam, layer.strands_under(beam), floor=layer.floor_under(beam), rods=1)
+        for _ in range(2)
+    ]
+    ways = ((np.zeros(3), u), (length * u, -u))
+    for live, (offset, direction) in zip(lives, ways, strict=True):
+        live.set_rod(0, path[0] + offset, direction.tolist(), 0.6, length)
+    touched = 0
+    for before, after in pairwise(path):
+        for fraction in np.linspace(0.0, 1.0, 60)[1:]:
+            for live, (offset, _) in zip(lives, ways, strict=True):
+                live.lead_rod(0, before + fraction * (after - before) + offset)
+                live.tick(1e-3)
+            one, other = lives
+            touched += int(one.touched_by(0).sum())
+            assert (one.touched_by(0) == other.touched_by(0)).all()
+            np.testing.assert_allclose(one.places, other.places, atol=1e-9)
+            np.testing.assert_allclose(one.rod_force(0), other.rod_force(0), atol=1e-9)
+    assert touched > 0
+    assert lives[0].rod_force(0).any() == (length > 30.0)  # a short one is through
+
+
+def test_a_rod_too_long_to_end_near_tissue_is_an_endless_one() -> None:
+    beam = SpaceBeam.of(DUCT, elements=40)
+    ends = []
+    for length in (math.inf, 200.0):
+        live = BeamOnBed(beam, LAYER.strands_under(beam), rods=1)
+        live.set_rod(0, (25.4, -6.0, 8.0), ACROSS, 1.2, length)
+        live.lead_rod(0, (25.4, -6.0, -9.0))
+        live.tick(0.1, ticks=100)
+        ends.append((live.places.tobytes(), live.rod_force(0).tobytes()))
+    assert ends[0] == ends[1]
 
 
 def test_strands_round_both_jaws_are_counted_once() -> None:

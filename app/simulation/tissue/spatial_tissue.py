@@ -106,6 +106,8 @@ RADIUS: dict[Instrument, float] = {
     "scissors": 0.8, "suction": 1.5,
 }  # fmt: skip
 """mm, of the rods that an instrument is."""
+LENGTH: dict[Instrument, float] = {"right angle": 14.0}
+"""mm, of a bent tip as it is drawn; others go on through their trocar."""
 CLIP_OPENING = 6.0
 """mm between jaws that close a tube, as they come open: wider than the cystic duct."""
 MOST_OPENING = 40.0
@@ -153,6 +155,7 @@ class Rod(NamedTuple):
     tip: Floats  # (3,) mm
     shaft: tuple[float, float, float]  # back along it
     radius: float  # mm
+    length: float  # mm
 
 
 class HandContact(NamedTuple):
@@ -559,9 +562,7 @@ class SpatialTissue:
     def _nearness(self, hand: int) -> float:
         """Return how near an instrument is to the axis of a tube that it is deep in, or 1."""
         rods = self.touch(hand).rods
-        return min(
-            (self.beam.nearness(each.tip, each.shaft, each.radius) for each in rods), default=1.0
-        )
+        return min((self.beam.nearness(*each[1:]) for each in rods), default=1.0)
 
     def _between(self, hand: int) -> list[tuple[int, float]]:
         """Return tubes, and stations on their beams, between a hand's jaws."""
@@ -727,7 +728,8 @@ class SpatialTissue:
         """Return what a hand does to the beam now."""
         holder = self.hands[hand]
         node, instrument = holder.node, holder.instrument
-        rods = tuple(Rod(number, tip.copy(), holder.aim, RADIUS[instrument])
+        length = LENGTH.get(instrument, math.inf)
+        rods = tuple(Rod(number, tip.copy(), holder.aim, RADIUS[instrument], length)
                      for number, tip in self._tips(hand))  # fmt: skip
         station = None if node is None else self._station_of(node, holder.tube)
         return HandContact(station, holder.place.copy(), rods, self.tubes.names[holder.tube])

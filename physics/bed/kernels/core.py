@@ -2,14 +2,14 @@
 
 Nodes are kept off a rod by a penalty (`rods.press_beam`), whose force has a summit where both axes
 meet, and none between nodes that are far apart. So the axes themselves, an element's straight line
-and a rod's half-line, resist from `CORE` of the distance R + r at which surfaces touch, without
+and a rod's, resist from `CORE` of the distance R + r at which surfaces touch, without
 bound as their distance d goes to 0: for each mm of element the energy
 
     (K/2) rho^2 (1 - y)^2 / y,   y = d/rho < 1,   rho = CORE (R + r)
 
 with K = STIFFER CONTACT_STIFFNESS, of force f = (K/2) rho (1/y^2 - 1) and stiffness K/y^3. With n
 from rod to beam, w = (1 - t, t) the weights of an element's nodes at its nearest place, P the
-projection across the rod (past its tip, where it is round, the identity), e the element and
+projection across the rod (past its ends, which are round, the identity), e the element and
 q = w P e + (-d, d) the second derivative is
 
     (K/y^3 + f/d) w w^T n n^T - (f/d) (w w^T P - q q^T / |P e|^2).
@@ -25,6 +25,7 @@ from physics.bed.kernels.state import (
     CONTACT_STIFFNESS,
     IN_USE,
     RADIUS,
+    REACHES,
     RELAXED,
     SHAFT,
     TIP,
@@ -45,7 +46,7 @@ NEARER, NEAREST = 0.4, 0.05
 
 @inner
 def approach(x: Floats, i: int, j: int, rod: Floats) -> tuple[float, bool, Three]:
-    """Return where from node i (0) to j (1) a rod is nearest, whether past its tip, the way."""
+    """Return where from node i (0) to j (1) a rod is nearest, whether past an end, the way."""
     tip = (rod[TIP], rod[TIP + 1], rod[TIP + 2])
     u = (rod[SHAFT], rod[SHAFT + 1], rod[SHAFT + 2])
     w = (x[i, 0] - tip[0], x[i, 1] - tip[1], x[i, 2] - tip[2])
@@ -54,8 +55,11 @@ def approach(x: Floats, i: int, j: int, rod: Floats) -> tuple[float, bool, Three
     across, outward = added(w, scaled(u, -ahead)), added(e, scaled(u, -turned))
     size = dot(outward, outward)
     t = 0.5 if size < 1e-24 else min(1.0, max(0.0, -dot(across, outward) / size))
-    if ahead + t * turned > 0.0:
+    at, reaches = ahead + t * turned, rod[REACHES]
+    if 0.0 < at < reaches:
         return t, False, added(across, scaled(outward, t))
+    if at > 0.0:
+        w = added(w, scaled(u, -reaches))
     size = dot(e, e)
     t = min(1.0, max(0.0, -dot(w, e) / size)) if size > 0.0 else 0.0
     return t, True, added(w, scaled(e, t))

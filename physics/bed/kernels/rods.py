@@ -1,11 +1,11 @@
 """Blunt rods among the strands: the way of a strand round one, and their contact with the beam.
 
-A rod is a half-line from its tip, with direction u and radius r. A strand that meets it takes the
-shortest path round it, straight on the unrolled cylinder, on the side where it was first touched:
+A rod goes from its tip back along u, as far as it reaches, with radius r. A strand that meets it
+takes the shortest path round it, straight on the unrolled cylinder, on the side first touched:
 length^2 = plane^2 + axial^2, plane = l_a + l_b + r (phi - atan(l_a/r) - atan(l_b/r)), with
 l = sqrt(distance^2 - r^2) the tangent from either end and phi the angle between the ends about u.
 There is no friction; of two rods it goes round the one that makes it longer (`longest_round`). A
-strand is met when the tip has gone past it, and slips off past 3 rad or past the tip: these two
+strand is met when the tip has gone past it, and slips off past 3 rad or past an end: these two
 jump, so that in a search for equilibrium they stand as they are (`update_rod_contacts`). The duct,
 a round bar about the axis, is kept off by a penalty contact.
 """
@@ -25,6 +25,7 @@ from physics.bed.kernels.state import (
     LENGTH,
     PACE,
     RADIUS,
+    REACHES,
     SHAFT,
     STIFF,
     TIP,
@@ -47,8 +48,8 @@ from physics.bed.kernels.vectors import (
 # Angle, rad: wrapped by more a strand slips off a rod.
 SLIPS = 3.0
 NO_CONTACT, SLIPPED = 2, 4
-"""In `side`: a strand that is out of a rod's reach, or past its tip; one that has just slipped off,
-and is straight until it meets the rod again. Odd ones touch it."""
+"""In `side`: a strand that is out of a rod's reach, or past its ends; one that has just slipped
+off, and is straight until it meets the rod again. Odd ones touch it."""
 
 
 @inner
@@ -106,7 +107,8 @@ def path_round(
     square = dot(chord, chord)
     nearest = -dot(a, chord) / square if square > 0.0 else 0.0
     nearest = min(1.0, max(0.0, nearest))
-    slipped = live and a0 + nearest * (b0 - a0) < 0.0  # past the tip
+    at = a0 + nearest * (b0 - a0)
+    slipped = live and (at < 0.0 or at > rod[REACHES])
     if slipped and not bent:
         return NO_CONTACT, 0.0, none, none, 0.0
     turn = dot(u, cross(a, b))
@@ -272,7 +274,7 @@ def reached(x: Floats, thick: Floats, rods: Floats, n: int, m: int) -> tuple[boo
     """Return whether node n's strands may touch rod m, how far it is away, and the way to it."""
     u = (rods[m, SHAFT], rods[m, SHAFT + 1], rods[m, SHAFT + 2])
     d = (x[n, 0] - rods[m, 0], x[n, 1] - rods[m, 1], x[n, 2] - rods[m, 2])
-    d = added(d, scaled(u, -max(0.0, dot(d, u))))
+    d = added(d, scaled(u, -min(max(0.0, dot(d, u)), rods[m, REACHES])))
     away = math.sqrt(dot(d, d))
     return away < thick[n, 0] + rods[m, RADIUS] + thick[n, 2], away, d
 
@@ -301,7 +303,7 @@ def press_beam(
     aside = push * deep / away if kind == INCREMENTAL else 0.0
     u = (rods[m, SHAFT], rods[m, SHAFT + 1], rods[m, SHAFT + 2])
     before = x[n, 0] - rods[m, 0], x[n, 1] - rods[m, 1], x[n, 2] - rods[m, 2]
-    along = aside if dot(before, u) > 0.0 else 0.0  # past the tip it is round
+    along = aside if 0.0 < dot(before, u) < rods[m, REACHES] else 0.0  # its ends are round
     for r in range(3):
         g[n, r] -= push * deep * d[r]
         pull[m, r] += push * deep * d[r]

@@ -49,11 +49,12 @@ CONTACT_STIFFNESS = 1.6
 """Stiffness with which a rod is kept off the beam, N/mm for each mm of beam."""
 
 
-# Entries of a row of `rods`: tip, direction from the tip back along the shaft, radius, in use.
-TIP, SHAFT, RADIUS, IN_USE = 0, 3, 6, 7
+# Entries of a row of `rods`: tip, direction from the tip back along the shaft, radius, in use, and
+# how far it goes back.
+TIP, SHAFT, RADIUS, IN_USE, REACHES = 0, 3, 6, 7, 8
 
 
-ROD_ROWS = 8
+ROD_ROWS = 9
 
 
 # The column of `chord` with how far below its axis what is left of an element's section lies, mm.

@@ -13,7 +13,7 @@
     hook: { length: 14, single: true, wide: [1.3, 0.55], aside: 5.5, turn: 0.75 },
     grasper: { length: 20, wide: [1.9, 1.7], flat: 1.25, teeth: true },
     dissector: { length: 17, wide: [1.6, 0.6], bow: 0.30, teeth: true },
-    "right angle": { length: 18, wide: [1.6, 0.7], aside: 9, turn: 0.62, teeth: true },
+    "right angle": { length: 18, wide: [1.6, 0.7], aside: 14, turn: 0.62, teeth: true },
     swab: { length: 12, single: true, wide: [1.9, 1.9], ball: 3.6 },
     "clip applier": { length: 16, wide: [1.7, 1.5], flat: 0.7 },
     scissors: { length: 15, wide: [1.7, 0.35], flat: 0.45, bow: 0.15 },
