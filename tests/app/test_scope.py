@@ -55,6 +55,7 @@ from app.trainer.client.scope_lead import (
     ScopeLead,
 )
 from app.trainer.client.workers import Workers
+from app.trainer.panel.scope_panel import TURN
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Frame, Packing, Well
@@ -464,7 +465,15 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     assert np.linalg.norm(tissue.hands[0].place - start) < 0.2
     title = cast(MagicMock, lead._state.client).add_notification.call_args.args[0]
     assert title == f"Stopped: the {tube_title(tissue.most_stressed)} nears its break"
-    lead.nudge(0.0, 0.5, 0.0)  # towards the liver and out of the bed
+    # Keys that were pressed before the stop was seen do nothing; then each goes on a little.
+    lead.lead_hand(start + wall_offset(tissue, 0) + [0.0, 0.0, 20.0])
+    pass_time(lead, session, 0.1)
+    for _ in range(14):
+        lead.nudge(0.0, 0.5, 0.0)  # towards the liver and out of the bed
+        pass_time(lead, session, 2 * TICK_SECONDS)
+    assert np.linalg.norm(tissue.hands[0].place - start) < 0.3
+    pass_time(lead, session, 1.0)
+    lead.nudge(0.0, 0.5, 0.0)
     pass_time(lead, session, 0.5)
     assert before < tissue.stress_ratio < 1.0
     lead.lead_hand(start + wall_offset(tissue, 0) - [0.0, 0.0, 4.0])  # it gives way at any time
@@ -523,15 +532,36 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     )
     assert session.grab(0, 8.0, tissue.tubes.names.index("gallbladder")) is not None
     tissue = session.spatial  # made whole, as a run begins
+    # Held it is not yet drawn aside.
+    assert asked().words.startswith("Next: take hold of the gallbladder near its neck")
+    session.move_hand(0, tissue.hands[0].place + np.array([0.0, 3.0, 2.0]))
+    while not Safety(tissue).gallbladder_drawn:
+        session.advance()
     between = "Next: part the {}tissue between cystic duct and common duct, {} in the right hand"
     assert asked().words.startswith(between.format("", "dissector"))
-    # What is behind both ducts only a bent tip reaches; most holds the duct from behind then.
-    of_ducts = asked().strands
-    part(of_ducts[Safety(tissue)._in_front[of_ducts] > 0.0])
-    behind = asked()
-    assert behind.words.startswith("Next: part the tissue behind the cystic duct, right angle in")
-    part(behind.strands)
-    assert asked().words.startswith(between.format("deep ", "right angle"))
+    # Turned by half a turn, a jaw has lain towards each duct, and along both.
+    assert lead.turn_left is None  # of a grasper
+    lead.choose(1)
+    lead.advance(1)  # what was led before the run goes on no more
+    lead.nudge(0.0, 0.0, 1.0)  # which lays it along its shaft
+    pass_time(lead, session, 0.5)
+    offs = list[float]()
+    for _ in range(21):
+        off = lead.turn_left
+        assert off is not None
+        offs.append(off)
+        lead.turn(TURN)
+    assert min(offs) < TURN
+    assert max(offs) > 0.5 * math.pi - TURN
+    # What a dissector reaches of the triangle, then the plate; the rest only a bent tip reaches.
+    asks = list[str]()
+    while not asked().words.startswith(between.format("deep ", "right angle")):
+        asks.append(asked().words)
+        part(asked().strands)
+    plate = next(i for i, each in enumerate(asks) if "from the liver" in each)
+    bent = [i for i, each in enumerate(asks) if "right angle" in each]
+    assert any("beside the cystic duct" in each for each in asks[:plate])
+    assert all(i > plate for i in bent)
     state.show(marks_next=False)
     assert lead.next_step is None
     assert lead.to_part == ()

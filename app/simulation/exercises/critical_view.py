@@ -21,12 +21,14 @@ ENOUGH, SOME = 0.9, 0.6
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 
 Part = Literal["triangle", "tubes", "plate"]
-Where = Literal["between", "deep", "behind", "plate"]
+Where = Literal["between", "deep", "beside", "behind", "plate"]
 PART: dict[Where, str] = {
     "between": "Next: part the tissue between {} and {}, dissector in the right hand; "
     "turn (J, L) a jaw towards each.",
     "deep": "Next: part the deep tissue between {} and {}, right angle in the right hand; "
     "turn (J, L) its tip between them.",
+    "beside": "Next: part the tissue beside the {}: lead the right hand's closed dissector along "
+    "it, 2 mm from its wall and 2 mm deeper.",
     "behind": "Next: part the tissue behind the {}, right angle in the right hand; "
     "turn (J, L) its tip across it, and pass under.",
     "plate": "Next: part the {} from the liver: draw it off with the left hand's grasper, "
@@ -79,14 +81,14 @@ class CriticalView:
 
     @property
     def next_part(self) -> Part | None:
-        """What to free next: the first part with the fewest points; None once each has all."""
-        points: dict[Part, int] = {
-            "triangle": self.triangle_cleared,
-            "tubes": self.two_structures,
-            "plate": self.plate_freed,
-        }
-        part = min(points, key=points.__getitem__)
-        return part if points[part] < MOST_POINTS // len(points) else None
+        """What to free next, what is easiest first; None once each part has all its points."""
+        # All of the plate and half of the triangle are in a dissector's reach; for the rest the
+        # right angle goes behind tubes.
+        asked: list[tuple[Part, int, int]] = [
+            ("triangle", self.triangle_cleared, 1), ("plate", self.plate_freed, 2),
+            ("triangle", self.triangle_cleared, 2), ("tubes", self.two_structures, 2),
+        ]  # fmt: skip
+        return next((part for part, points, wanted in asked if points < wanted), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +134,7 @@ class NextStep(NamedTuple):
 
     words: str
     strands: NDArray[np.int64]  # that it is about; none once there is nothing to part
+    along: tuple[float, float, float] | None = None  # direction in which jaws part them
 
 
 def closing_step(closings: Sequence[Closing], stay: int, go: int) -> str:

@@ -46,9 +46,10 @@ STRUCTURE_MM = 6.0
 MARGIN_MM = 2.0
 """mm by which the triangle of the axes is wider."""
 BIN_MM = 1.0
-BEGUN, DEEP_MM = 0.1, 0.5
-"""Of the triangle's strands that have parted, from which on one has begun; and how far behind both
-tubes' axes what holds between them lies, from which on a straight instrument does not reach it."""
+BEGUN, DEEP_MM, DRAWN_MM = 0.1, 0.5, 2.0
+"""Of the triangle's strands that have parted, from which on one has begun; how far behind both
+tubes' axes what holds between them lies, from which on a straight instrument does not reach it; and
+how far a gallbladder is that has been drawn aside."""
 ALONG_MM = 10.0
 """Length of duct, to either side of the junction, over which its direction is taken."""
 
@@ -217,19 +218,35 @@ class Safety:
         ends = np.maximum(of, to) * len(names) + np.minimum(of, to) + 1
         left = left[ends == np.bincount(ends).argmax()]
         held = [names[each] for each in (strands.tubes[left[0]], strands.to[left[0]]) if each >= 0]
-        return NextStep(self._how(view, held, left), left)
+        if view.triangle < BEGUN and not self.gallbladder_drawn:
+            return NextStep(TAKE_HOLD.format(tube_title(self.gallbladder)), left)
+        where = self._where(view, held, left)
+        words = PART[where].format(*map(tube_title, held))
+        if where not in ("between", "deep"):
+            return NextStep(words, left)
+        # Strands of one pair all lead from one tube to the other, but some the other way round.
+        paths = strands.feet[left] - strands.ends[left]
+        x, y, z = np.linalg.svd(paths, full_matrices=False)[2][0].tolist()
+        return NextStep(words, left, (x, y, z))
 
-    def _how(self, view: CriticalView, names: list[str], strands: Ints) -> str:
-        """Return how to part strands between tubes, or of one to its bed: a sentence."""
-        held = {each.tube for each in self.tissue.hands if each.node is not None}
-        if view.triangle < BEGUN and self.tissue.tubes.names.index(self.gallbladder) not in held:
-            return TAKE_HOLD.format(tube_title(self.gallbladder))
-        where: Where = "between"
-        if len(names) == 1:
-            where = "plate" if names[0] == self.gallbladder else "behind"
-        elif self._in_front[strands].mean() < -DEEP_MM:
-            where = "deep"
-        return PART[where].format(*map(tube_title, names))
+    @property
+    def gallbladder_drawn(self) -> bool:
+        """Whether a hand holds the gallbladder, away from where it was at rest."""
+        beam, tube = self.tissue.beam, self.tissue.tubes.names.index(self.gallbladder)
+        return any(
+            math.dist(beam.places[hand.node], beam.rest_place(hand.node)) > DRAWN_MM
+            for hand in self.tissue.hands
+            if hand.node is not None and hand.tube == tube
+        )
+
+    def _where(self, view: CriticalView, names: list[str], strands: Ints) -> Where:
+        """Return where strands are, of the tubes that they hold or of the one that is held."""
+        bent = view.triangle >= SOME  # before that a dissector does
+        if len(names) > 1:
+            return "deep" if bent and self._in_front[strands].mean() < -DEEP_MM else "between"
+        if names[0] == self.gallbladder:
+            return "plate"
+        return "behind" if bent else "beside"
 
     @cached_property
     def _in_front(self) -> Floats:

@@ -744,6 +744,13 @@ class SpatialTissue:
         """Return the rods of the beam that are a hand's jaws or its swab."""
         return RODS[self.hands[hand].instrument][hand]
 
+    def touched(self, hand: int) -> int:
+        """Return how many whole strands lie against a hand's jaws or its swab."""
+        found = np.zeros(self.beam.order.size, dtype=np.bool_)
+        for rod in self.rods_of(hand):
+            found |= self.beam.touched_by(rod)
+        return int((found & (self.beam.damage < 1.0)).sum())
+
     def _tips(self, hand: int) -> list[tuple[int, Floats]]:
         """Return the rods of a hand's instrument and where their tips are."""
         holder, rods = self.hands[hand], self.rods_of(hand)

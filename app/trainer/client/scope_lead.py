@@ -56,6 +56,12 @@ STOPPED = (
     "Lead the instrument back where it came from, or close its jaws. Slacken what the other hand "
     "pulls, and part elsewhere or less deep. Each click or key more goes 3 % nearer to the break."
 )
+SEEN_TICKS = 30
+"""Ticks after a stop, in which keys do nothing: they were pressed before it was seen."""
+PARTS: frozenset[Instrument] = frozenset({"dissector", "right angle"})
+"""Instruments whose jaws part tissue."""
+LEAST_ACROSS = 0.2
+"""Of a direction, across a shaft: along a shaft jaws part nothing, however they are turned."""
 COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
 """Instruments whose jaws come open."""
 SUCTION = 15.0
@@ -106,6 +112,7 @@ class ScopeLead:
         self._run = state.session.run
         self._stops_at = STOPS_AT
         self._stress = 0.0  # of the last tick, over the strength
+        self._stopped_at = -SEEN_TICKS  # tick in which something was stopped last
         # Of each hand, the direction in which it was stopped, (3,), or None.
         self._stopped: list[Floats | None] = [None] * len(state.hands)
 
@@ -146,17 +153,33 @@ class ScopeLead:
         shown = state.marks_next and state.figures_visible and state.playback is None
         if exercise is None or not exercise.shows_view or run.over or not shown:
             return None
+        if self._safety is None or self._safety.tissue is not tissue:
+            self._safety = Safety(tissue)
         # Nothing else changes it.
         now = (
             exercise, tissue.beam, tissue.beam.broken, len(tissue.events), len(tissue.marks),
-            self.structures, *(hand.node is None for hand in tissue.hands),
+            self.structures, self._safety.gallbladder_drawn,
         )  # fmt: skip
         if now != self._judged:
-            if self._safety is None or self._safety.tissue is not tissue:
-                self._safety = Safety(tissue)
             self._judged = now
             self._next = self._safety.next_step(exercise, viewed=bool(self.structures))
         return self._next
+
+    @property
+    def turn_left(self) -> float | None:
+        """Angle by which the active hand's jaws are off those that the next step asks for, rad.
+
+        None where it asks for none, or the hand has none.
+        """
+        step, holder = self.next_step, self._state.hands[self.hand]
+        if step is None or step.along is None or holder.instrument not in PARTS:
+            return None
+        shaft, along = np.array(holder.aim), np.array(step.along)
+        along -= float(along @ shaft) * shaft  # jaws part across their shaft
+        size = float(np.sqrt((along * along).sum()))
+        if size < LEAST_ACROSS:
+            return None
+        return math.acos(min(1.0, abs(float(np.array(holder.spread) @ along)) / size))
 
     @property
     def to_part(self) -> tuple[int, ...]:
@@ -325,12 +348,16 @@ class ScopeLead:
             self._stops_at = STOPS_AT
         return ratio > self._stops_at and self._state.figures_visible
 
-    def _insist(self) -> None:
-        """Let a wall come a little nearer to its break than it is, if it is near."""
+    def _insist(self) -> bool:
+        """Let a wall come a little nearer to its break, if it is near; not just after a stop."""
+        if 0 <= self.session.spatial.ticks - self._stopped_at < SEEN_TICKS:
+            return False
         self._stops_at = max(STOPS_AT, self.session.spatial.stress_ratio + INSISTS)
         self._stopped = [None] * len(self._stopped)
+        return True
 
     def _say_stopped(self) -> None:
+        self._stopped_at = self.session.spatial.ticks
         wall = tube_title(self.session.spatial.most_stressed)
         self._state.refuse(STOPPED, f"Stopped: the {wall} nears its break")
 
@@ -362,7 +389,8 @@ class ScopeLead:
         if self.by_handle:
             self.push_handle(right, up, away)
             return
-        self._insist()
+        if not self._insist():
+            return
         step = self.held.camera.axes @ np.array([right, up, -away])
         goal = self._goals[self.hand]
         start = self._state.hands[self.hand].target if goal is None else goal
@@ -433,9 +461,10 @@ class ScopeLead:
             state.refuse(ENDS)
 
     def _open_or_close(self) -> None:
-        opened = self._state.hands[self.hand].target_opening > 0.0
-        self._insist()
-        self._jaws[self.hand] = 0.0 if opened else SPREAD
+        if self._state.hands[self.hand].target_opening > 0.0:
+            self._jaws[self.hand] = 0.0
+        elif self._insist():
+            self._jaws[self.hand] = SPREAD
 
     def _close(self, act: Callable[[int], bool]) -> None:
         if not act(self.hand):
@@ -448,10 +477,10 @@ class ScopeLead:
 
     def open_more(self, more: float) -> None:
         """Part the active hand's jaws by some mm more, or less."""
-        if self._may_act():
-            state = self._state
-            self._jaws[self.hand] = None
-            state.session.open_jaws(self.hand, state.hands[self.hand].target_opening + more)
+        if self._may_act() and (more < 0.0 or self._insist()):
+            goal = self._jaws[self.hand]
+            opened = self._state.hands[self.hand].target_opening if goal is None else goal
+            self._jaws[self.hand] = max(0.0, opened + more)
 
     def _lead_nothing(self) -> None:
         self._goals = [None] * len(self._goals)

@@ -1,6 +1,7 @@
 """One client's panel at an anatomy: what to reach, the hands, the scope, and what is in hand."""
 
 import html
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
@@ -329,7 +330,7 @@ class ScopePanel:
         tissue, hand = self._state.shown.spatial, self._state.hand
         holder = tissue.hands[hand]
         if self._lead.leads_scope:
-            return [("Led", "the scope"), ("Tip", "-")]
+            return [("Led", "the scope")]
         place = "-"
         if holder.node is not None:
             place = f"holds the {tube_title(tissue.tubes.names[holder.tube])}"
@@ -337,7 +338,12 @@ class ScopePanel:
             far, tube, side = seen_beside(tissue.beam, holder.place, self._lead.held.camera.axes)
             wall = tube_title(tissue.tubes.names[tube])
             place = f"{max(far, 0.0):.0f} mm {side} the {wall}"
-        return [("Led", f"{HANDS[hand].lower()}, {holder.instrument}"), ("Tip", place)]
+        rows = [("Led", f"{HANDS[hand].lower()}, {holder.instrument}"), ("Tip", place)]
+        if self._state.figures_visible:
+            off = self._lead.turn_left
+            turn = "-" if off is None else f"{math.degrees(off):.0f}° (J or L)"
+            rows += [("Touches", f"{tissue.touched(hand)} strands"), ("To turn", turn)]
+        return rows
 
     def _standing(self, reading: Reading) -> str:
         """Return what a screen reader says of the tissue."""
