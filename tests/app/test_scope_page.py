@@ -36,6 +36,13 @@ GAMEPAD = """([right, down]) => { navigator.getGamepads = () => [{ connected: tr
 POOLS = """() => { const sheet = bluntdissectScope.picture.sheet;
     return [sheet.blood.reduce((sum, w) => sum + w, 0) * sheet.cell ** 2, sheet.volumes.blood]; }"""
 
+# Whether what is put into a picture that is being drawn stands where all else does.
+IN_PLACE = """() => { const p = bluntdissectScope.picture, { geometry, material } = p.floor;
+    const mesh = p.put(geometry, material), { matrixWorld, matrix } = mesh;
+    p.meshes.pop();
+    p.group.remove(mesh);
+    return matrixWorld.equals(p.group.matrixWorld) && !matrixWorld.equals(matrix); }"""
+
 NOTCHES = """count => { const canvas = document.elementFromPoint(300, 280);
     for (let k = 0; k < count; k++) canvas.dispatchEvent(
         new WheelEvent("wheel", { deltaY: -100, bubbles: true, cancelable: true })); }"""
@@ -120,6 +127,7 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.eventually(page.check_pose)
         # Given back, the scope is seen at home at once, though nothing else moves; and a checkbox
         # that was clicked keeps no keys.
+        assert tab.page.evaluate(IN_PLACE)
         home = page.pose()
         tab.page.get_by_label("Mark what is next").click()
         tab.page.keyboard.press("y")

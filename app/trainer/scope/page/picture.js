@@ -66,6 +66,7 @@
       const mesh = this.make.mesh(geometry, material);
       mesh.renderOrder = order;
       this.group.add(mesh);
+      mesh.updateMatrixWorld(true);  // it may be put while a picture is drawn, and is part of it
       this.meshes.push(mesh);
       return mesh;
     }
