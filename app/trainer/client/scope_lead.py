@@ -348,12 +348,16 @@ class ScopeLead:
             self._stops_at = STOPS_AT
         return ratio > self._stops_at and self._state.figures_visible
 
-    def _insist(self) -> bool:
-        """Let a wall come a little nearer to its break, if it is near; not just after a stop."""
-        if 0 <= self.session.spatial.ticks - self._stopped_at < SEEN_TICKS:
-            return False
+    def _insist(self) -> None:
+        """Let a wall come a little nearer to its break than it is, if it is near."""
         self._stops_at = max(STOPS_AT, self.session.spatial.stress_ratio + INSISTS)
         self._stopped = [None] * len(self._stopped)
+
+    def _steps(self) -> bool:
+        """Let a key go on a little; not one that was pressed before the last stop was seen."""
+        if 0 <= self.session.spatial.ticks - self._stopped_at < SEEN_TICKS:
+            return False
+        self._insist()
         return True
 
     def _say_stopped(self) -> None:
@@ -389,7 +393,7 @@ class ScopeLead:
         if self.by_handle:
             self.push_handle(right, up, away)
             return
-        if not self._insist():
+        if not self._steps():
             return
         step = self.held.camera.axes @ np.array([right, up, -away])
         goal = self._goals[self.hand]
@@ -461,10 +465,9 @@ class ScopeLead:
             state.refuse(ENDS)
 
     def _open_or_close(self) -> None:
-        if self._state.hands[self.hand].target_opening > 0.0:
-            self._jaws[self.hand] = 0.0
-        elif self._insist():
-            self._jaws[self.hand] = SPREAD
+        opened = self._state.hands[self.hand].target_opening > 0.0
+        self._insist()
+        self._jaws[self.hand] = 0.0 if opened else SPREAD
 
     def _close(self, act: Callable[[int], bool]) -> None:
         if not act(self.hand):
@@ -477,7 +480,7 @@ class ScopeLead:
 
     def open_more(self, more: float) -> None:
         """Part the active hand's jaws by some mm more, or less."""
-        if self._may_act() and (more < 0.0 or self._insist()):
+        if self._may_act() and (more < 0.0 or self._steps()):
             goal = self._jaws[self.hand]
             opened = self._state.hands[self.hand].target_opening if goal is None else goal
             self._jaws[self.hand] = max(0.0, opened + more)
