@@ -172,7 +172,8 @@ class ScopeLead:
         None where it asks for none, or the hand has none.
         """
         step, holder = self.next_step, self._state.hands[self.hand]
-        if step is None or step.along is None or holder.instrument not in PARTS:
+        jawed = holder.instrument in PARTS and not self.leads_scope
+        if step is None or step.along is None or not jawed:
             return None
         shaft, along = np.array(holder.aim), np.array(step.along)
         along -= float(along @ shaft) * shaft  # jaws part across their shaft

@@ -15,7 +15,7 @@ from app.anatomy import (
     shipped_anatomies,
     tube_title,
 )
-from app.simulation import Incident, Instrument, Reading, RunFile, seen_beside
+from app.simulation import HOLDING, Incident, Instrument, Reading, RunFile, seen_beside
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import SceneName
 from app.trainer.client.scope_lead import HOLDS_MM_S, ScopeLead
@@ -300,14 +300,16 @@ class ScopePanel:
         stress = f"{100.0 * reading.stress_ratio:.0f} % of break"
         if reading.stress_ratio >= NAMED_FROM:
             stress = f"{tube_title(self._state.shown.spatial.most_stressed)}, {stress}"
+        practised = self._state.playback is None
         rows = [] if hidden else [
             ("Highest stress", stress),
+            *([("To turn", self._to_turn)] if practised else []),
             ("Strands broken", f"{reading.broken}"),
             *((f"{each.name.capitalize()} lost", f"{figure(each.lost_ml)} ml")
               for each in reading.fluids),
         ]  # fmt: skip
         names = self._state.shown.spatial.tubes.names
-        if self._state.playback is None:
+        if practised:
             rows = [*self._led, *rows]
         if not hidden:
             rows += [("Nicked", each.words(tube_title(names[each.tube]))) for each in reading.nicks]
@@ -330,7 +332,7 @@ class ScopePanel:
         tissue, hand = self._state.shown.spatial, self._state.hand
         holder = tissue.hands[hand]
         if self._lead.leads_scope:
-            return [("Led", "the scope")]
+            return [("Led", "the scope"), ("Tip", "-")]
         place = "-"
         if holder.node is not None:
             place = f"holds the {tube_title(tissue.tubes.names[holder.tube])}"
@@ -338,12 +340,16 @@ class ScopePanel:
             far, tube, side = seen_beside(tissue.beam, holder.place, self._lead.held.camera.axes)
             wall = tube_title(tissue.tubes.names[tube])
             place = f"{max(far, 0.0):.0f} mm {side} the {wall}"
-        rows = [("Led", f"{HANDS[hand].lower()}, {holder.instrument}"), ("Tip", place)]
-        if self._state.figures_visible:
-            off = self._lead.turn_left
-            turn = "-" if off is None else f"{math.degrees(off):.0f}° (J or L)"
-            rows += [("Touches", f"{tissue.touched(hand)} strands"), ("To turn", turn)]
-        return rows
+        led = f"{HANDS[hand].lower()}, {holder.instrument}"
+        if holder.instrument not in HOLDING and self._state.figures_visible:
+            led = f"{led}, touches {tissue.touched(hand)} strands"
+        return [("Led", led), ("Tip", place)]
+
+    @property
+    def _to_turn(self) -> str:
+        """How far the led jaws are off what the next step asks for."""
+        off = self._lead.turn_left
+        return "-" if off is None else f"{math.degrees(off):.0f}° (J or L)"
 
     def _standing(self, reading: Reading) -> str:
         """Return what a screen reader says of the tissue."""
