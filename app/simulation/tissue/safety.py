@@ -200,7 +200,7 @@ class Safety:
     def next_step(self, exercise: Exercise, *, viewed: bool) -> NextStep | None:
         """Return what an exercise of a critical view asks for next; None where nothing is left."""
         # Once it is viewed, what closes its structures; else to part what holds most of the part
-        # with the fewest points.
+        # that is next.
         goal, view = exercise.goal, self.critical_view()
         if not isinstance(goal, Goal):
             return None
