@@ -45,7 +45,7 @@ def deformed(seed: int, law: NeoHooke | Exponential | None = None) -> BeamOnBed:
         2 * elongations,
         np.array([0.0, 1, 0, 1, 0, 1, 0, 1, 0]),
     )
-    made = BeamOnBed(beam, strands, floor=np.full(4, 0.7), rods=2)
+    made = BeamOnBed(beam, strands, floor=np.full(4, 0.7), rods=3)
     state = made.state
     size = 0.3 if law is None else 0.1
     state.x[:] += rng.normal(size=(4, 3)) * size
@@ -77,10 +77,20 @@ def test_gradient_and_tangent_are_the_energy_s_differences(
     state = deformed(seed, law).state
     state.chord[1:, :2] = thin, 0.5 * thin
     if kind == k.INCREMENTAL and thin:
-        # Rods pressed into the first node beside the shaft and into the last past the tip.
-        state.rods[0] = *(state.x[0] - [0.0, 0.8, 0.3]), 0.0, 0.6, 0.8, 0.5, 1.0
-        state.rods[1] = *(state.x[3] + [0.0, 0.8, 0.3]), 0.0, 0.6, 0.8, 0.5, 1.0
+        # Rods pressed into the first node beside the shaft, into the last past the tip, and into
+        # another past the other end.
+        along, thick, in_use, short = np.array([0.0, 0.6, 0.8]), 0.5, 1.0, 1.0
+        end = state.x[1] - [0.0, 0.3, 0.6]
+        for rod, (tip, length) in enumerate(
+            (
+                (state.x[0] - [0.0, 0.8, 0.3], math.inf),
+                (state.x[3] + [0.0, 0.8, 0.3], math.inf),
+                (end - short * along, short),
+            )
+        ):
+            state.rods[rod] = *tip, *along, thick, in_use, length
     k.assemble(state, kind, 0.0)
+    assert state.pull.any(axis=1).all() == state.rods.any()
     if law == NeoHooke():
         assert state.fibres[0].min() > 0.5  # below, the tangent is not exact
     assert_derivatives(state, kind)
