@@ -488,6 +488,19 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     assert np.linalg.norm(tissue.hands[0].place - start) > 1.0
 
 
+def test_jaws_close_by_a_key_however_near_a_break_is(lead: ScopeLead) -> None:
+    session = lead.session
+    lead.choose_instrument(1, "dissector")
+    session.open_jaws(1, 6.0)
+    taut(lead)
+    lead.choose(1)
+    pass_time(lead, session, 0.5)
+    assert session.spatial.stress_ratio > STOPS_AT
+    lead.open_more(-1.0)
+    pass_time(lead, session, 0.5)
+    assert session.spatial.hands[1].target_opening == 5.0
+
+
 def test_a_tip_that_meets_a_wall_goes_slowly(lead: ScopeLead) -> None:
     """Pressed on the artery a dissector lifts no wall to its break, however far it is led."""
     session, tissue = lead.session, lead.session.spatial

@@ -371,7 +371,7 @@ class ScopeLead:
         goal, opened = self._jaws[hand], self._state.hands[hand].target_opening
         if goal is None:
             return
-        if stops:
+        if stops and goal > opened:
             self._jaws[hand] = None
             self._say_stopped()
             return
