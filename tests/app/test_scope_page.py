@@ -125,9 +125,9 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
     with scope_page(drawing_browser, calot) as page:
         tab, view = page.tab, page.view
         tab.eventually(page.check_pose)
+        assert tab.page.evaluate(IN_PLACE)
         # Given back, the scope is seen at home at once, though nothing else moves; and a checkbox
         # that was clicked keeps no keys.
-        assert tab.page.evaluate(IN_PLACE)
         home = page.pose()
         tab.page.get_by_label("Mark what is next").click()
         tab.page.keyboard.press("y")

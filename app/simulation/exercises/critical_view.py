@@ -82,7 +82,7 @@ class CriticalView:
     @property
     def next_part(self) -> Part | None:
         """What to free next, what is easiest first; None once each part has all its points."""
-        # All of the plate and half of the triangle are in a dissector's reach; for the rest the
+        # All of the plate and `SOME` of the triangle are in a dissector's reach; for the rest the
         # right angle goes behind tubes.
         asked: list[tuple[Part, int, int]] = [
             ("triangle", self.triangle_cleared, 1), ("plate", self.plate_freed, 2),
