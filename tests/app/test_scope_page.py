@@ -191,6 +191,8 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         learn = tab.page.get_by_role("tab", name="Learn")
         for come, chosen in ((learn.click, "Learn"), (learn.focus, "Replay")):
             come()
+            if chosen == "Replay":
+                expect(learn).to_be_focused()
             tab.page.keyboard.press("ArrowRight")
             expect(tab.page.get_by_role("tab", name=chosen)).to_have_attribute(
                 "aria-selected", "true"

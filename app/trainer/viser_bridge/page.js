@@ -95,7 +95,8 @@ document.addEventListener("keydown", () => { pointed = false; }, true);
 for (const kind of ["click", "change"]) document.addEventListener(kind, event => {
   if (!pointed || !event.target.closest?.(CHOSEN)) return;
   letGo();
-  setTimeout(letGo);  // a list takes the focus back once it has closed
+  // A list takes the focus back once it has closed.
+  if (event.target.closest("[role=option]")) setTimeout(letGo);
 });
 
 // A tab is opened: of the panel at the side by a key, of a phone's by a click; once it is there.
