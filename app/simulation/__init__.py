@@ -95,6 +95,7 @@ from app.simulation.specimen.tear import (
     tear_swing,
 )
 from app.simulation.specimen.tubes import Tubes
+from app.simulation.tissue.guidance import Guidance
 from app.simulation.tissue.held_pull import pull_and_hold
 from app.simulation.tissue.planar_tissue import PlanarTissue
 from app.simulation.tissue.reached_tube import (
@@ -183,6 +184,7 @@ __all__ = [
     "GhostReading",
     "GraspedBeam",
     "Grasper",
+    "Guidance",
     "Hand",
     "HandContact",
     "Incident",

@@ -144,6 +144,23 @@ def test_the_first_view_is_reached_by_mouse_and_keys_alone() -> None:
     assert kept == recorded.run, "record it again, as the first lines here say"
 
 
+@pytest.mark.long  # some five minutes of hands each
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
+    """By its words, its ring and its bar alone, missed by some 0.7 mm: nothing tears."""
+    trainee, dice = begun("first_view"), np.random.default_rng(seed)
+    run = trainee.session.run
+    for _ in range(45):
+        trainee.wait(0.6)  # what is asked for is judged twice a second
+        step = trainee.lead.next_step
+        if run.over or step is None:
+            break
+        trainee.follow(step, dice.normal(scale=0.7, size=3))
+    assert run.outcome is not None
+    assert run.outcome.passed, run.outcome.reason
+    assert run.seconds < 500.0
+
+
 @pytest.mark.long  # ten minutes of hands
 def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
     """Five of six points, then marks, clips and divisions, with no wall over 90 % of its break."""

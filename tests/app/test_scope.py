@@ -28,7 +28,6 @@ from app.simulation import (
     NextStep,
     Phase,
     Replay,
-    Safety,
     Session,
     Sights,
     Specimen,
@@ -49,6 +48,7 @@ from app.trainer.client.scope_lead import (
     BENT_STEADY,
     CLOSES_MM_S,
     HOLDS_MM_S,
+    JUDGED_TICKS,
     SPREAD,
     STEADY,
     STOPS_AT,
@@ -526,10 +526,15 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     session, state = lead.session, lead._state
 
     def asked() -> NextStep:
-        """What is asked for, whose strands are those that are marked."""
+        """What is asked for, whose strands are those that are marked, and whose ring is shown."""
+        pass_time(lead, session, JUDGED_TICKS * TICK_SECONDS)
         step = lead.next_step
-        assert step is not None
+        assert step is not None, session.run.outcome
         assert sorted(tissue.beam.order[list(lead.to_part)]) == sorted(step.strands)
+        assert (lead.ring is None) == (step.place is None)
+        if lead.ring is not None:
+            assert lead.ring[:3] == pytest.approx(step.place, abs=0.01)
+            assert lead.ring[3:] == pytest.approx(step.along or (0.0, 0.0, 0.0), abs=0.01)
         return step
 
     def part(strands: np.ndarray) -> None:
@@ -540,17 +545,14 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     assert lead.to_part == ()
     session.start_exercise(critical_view())
     tissue = session.spatial
-    assert asked().words.startswith(
-        "Next: take hold of the gallbladder near its neck with the left"
-    )
+    assert asked().words.startswith("Next: take hold of the gallbladder in the ring with the left")
     assert session.grab(0, 8.0, tissue.tubes.names.index("gallbladder")) is not None
     tissue = session.spatial  # made whole, as a run begins
     # Held it is not yet drawn aside.
-    assert asked().words.startswith("Next: take hold of the gallbladder near its neck")
+    assert asked().words.startswith("Next: take hold of the gallbladder in the ring")
     session.move_hand(0, tissue.hands[0].place + np.array([0.0, 3.0, 2.0]))
-    while not Safety(tissue).gallbladder_drawn:
-        session.advance()
-    between = "Next: part the tissue between cystic duct and common duct, dissector in the right"
+    pass_time(lead, session, 1.0)
+    between = "Next: part the tissue between cystic duct and common duct, right hand's dissector"
     assert asked().words.startswith(between)
     # Turned by half a turn, a jaw has lain towards each duct, and along both.
     assert lead.turn_left is None  # of a grasper
@@ -566,12 +568,30 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
         lead.turn(TURN)
     assert min(offs) < TURN
     assert max(offs) > 0.5 * math.pi - TURN
-    # What a dissector reaches of the triangle, then the plate; the rest only a bent tip reaches.
+    # Under the pointer the ring is only deeper; then the tip is in it.
+    ring = np.array((lead.ring or ())[:3])
+    eye, tip = lead.held.camera.tip, session.spatial.hands[1].place
+    back = lead.held.camera.axes[:, 2]
+    lead.lead_hand(eye + (ring - eye) * float((tip - eye) @ back) / float((ring - eye) @ back))
+    pass_time(lead, session, 2.0)
+    to_ring = lead.to_ring
+    assert to_ring is not None
+    assert to_ring[:2] == pytest.approx((0.0, 0.0), abs=0.3)
+    lead.lead_hand(tissue.hands[1].place - to_ring[2] * back)
+    pass_time(lead, session, 2.0)
+    left = lead.to_ring
+    assert left is not None
+    assert abs(left[2]) < 1.5 < 5.0 < to_ring[2]
+    # What is between the ducts, then the plate, then what is under the duct: for that it is let go.
+    # Last, structures are marked.
     asks = list[str]()
-    while "right angle" not in asked().words:
-        asks.append(asked().words)
-        part(asked().strands)
-    kinds = ["cystic duct and common duct", "beside the cystic duct", "gallbladder from the liver"]
+    while "mark the" not in (step := asked()).words:
+        asks.append(step.words)
+        if "lift it" in step.words:
+            state.let_go(0)
+        else:
+            part(step.strands)
+    kinds = ["between cystic duct and common duct", "off the liver", "lift it", "under the"]
     firsts = [next(i for i, each in enumerate(asks) if kind in each) for kind in kinds]
     assert firsts == sorted(firsts)
     state.show(marks_next=False)

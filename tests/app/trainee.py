@@ -14,6 +14,7 @@ from app.simulation import (
     TROCARS,
     Exercise,
     Instrument,
+    NextStep,
     Safety,
     Session,
     Specimen,
@@ -48,6 +49,7 @@ class Trainee:
         state = PageState(MagicMock(), self.session, cast(Workers, None))
         self.lead = ScopeLead(state, self.held)
         self._sent = 0
+        self._drawn: Floats = np.zeros(3)  # direction of the last pull
 
     # What the page sends
 
@@ -62,6 +64,7 @@ class Trainee:
             self.lead.advance(1)
             self.held.advance([hand.place for hand in self.session.spatial.hands])
             self.session.advance()
+            _ = self.lead.ring  # the page reads it with each picture
 
     @property
     def tip(self) -> Floats:
@@ -233,6 +236,74 @@ class Trainee:
         self.wheel(-6)
         for place in places:
             self.to(place)
+        self.wheel(-6)
+
+    def follow(self, step: NextStep, missed: Floats) -> None:
+        """Do what the page asks for, by its words, ring and bar, missed by so much, (3,) mm."""
+        place = None if step.place is None else np.array(step.place) + missed
+        if "let the" in step.words:
+            self.lead.choose(0)
+            for _ in range(12):
+                if self.session.spatial.stress_ratio < EASED:
+                    break
+                self._move(self.tip - 0.5 * self._drawn)
+            self.send("stop")
+            self.wait()
+        elif "lift it" in step.words:
+            if place is not None:
+                self._take_hold(place)
+            self._draw((0.1, 0.76, 0.67), missed)
+            self.lead.choose(0)
+            self.use()
+        elif "take hold" in step.words:
+            assert place is not None
+            self._take_hold(place)
+            aside = "aside" in step.words
+            self._draw((-0.76, 0.5, 0.3) if aside else (0.2, -0.64, 0.77), missed)
+        else:
+            assert place is not None
+            assert step.along is not None
+            self._part(place, np.array(step.along), under="under" in step.words)
+
+    def _take_hold(self, place: Floats) -> None:
+        self.take(0, "grasper")
+        if self.session.spatial.hands[0].node is not None:
+            self.use()
+            self.wait(0.6)  # and the ring goes with the gallbladder
+            ring = self.lead.ring
+            place = place if ring is None else np.array(ring[:3])
+        self.wheel(-4)
+        self.to(place)
+        self.use()
+
+    def _draw(self, in_picture: tuple[float, float, float], missed: Floats) -> None:
+        """Draw what is held right, up and to the eye, as the picture shows it."""
+        x, y, z = self.held.camera.axes @ np.array(in_picture) + 0.3 * missed
+        self._drawn = np.array([x, y, z]) / math.hypot(x, y, z)
+        self.pull((x, y, z), 8.0)
+
+    def _part(self, place: Floats, along: Floats, *, under: bool) -> None:
+        if not under:
+            self.spread(place, along)
+            return
+        self.take(1, "dissector")
+        self.wheel(-6)
+        self.drag(place)
+        self.turn_to(along)
+        self.to(place)
+        self.use()
+        # Towards the nearest tube, in the picture.
+        beam = self.session.spatial.beam
+        duct = beam.places[beam.nodes_of("cystic")] - place
+        side = duct[np.hypot(duct[:, 0], duct[:, 1]).argmin(), :2]
+        x, y = side / np.hypot(*side)
+        for _ in range(6):
+            if self.session.spatial.stress_ratio > TAUT:
+                break
+            self._move(self.tip + np.array([x, y, 0.0]))
+        self.send("stop")
+        if self.session.spatial.hands[1].target_opening > 0.0:
+            self.use()
         self.wheel(-6)
 
     def mark(self, structure: Structure, tube: str, station: float) -> None:

@@ -10,34 +10,47 @@ from numpy.typing import NDArray
 from app.anatomy import tube_title
 
 __all__ = [
-    "ENOUGH", "MOST_POINTS", "PART", "SOME", "TAKE_HOLD", "Closing", "CriticalView", "NextStep",
-    "Part", "Tenting", "Where", "closing_step",
+    "DRAW_OFF", "ENOUGH", "LIFT", "MOST_POINTS", "OPENED", "PART", "SLACKEN", "SOME", "TAKE_HOLD",
+    "Closing", "CriticalView", "NextStep", "Part", "Tenting", "Where", "closing_step",
 ]  # fmt: skip
 
 MOST_POINTS = 6
 """Of the critical view: two for each of its parts."""
 ENOUGH, SOME = 0.9, 0.6
 """Fractions of a region's strands that have parted, for two points and for one."""
+OPENED = 0.3
+"""Fraction of the triangle's strands, from which on the gallbladder is drawn off the liver: freed
+there, it gives room for the rest."""
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 
 Part = Literal["triangle", "tubes", "plate"]
-Where = Literal["between", "deep", "beside", "behind", "plate"]
+Where = Literal["between", "deep", "under", "behind", "plate"]
 PART: dict[Where, str] = {
-    "between": "Next: part the tissue between {} and {}, dissector in the right hand; "
-    "turn (J, L) a jaw towards each.",
-    "deep": "Next: part the deep tissue between {} and {}, right angle in the right hand; "
-    "turn (J, L) its tip between them.",
-    "beside": "Next: part the tissue beside the {}: lead the right hand's closed dissector along "
-    "it, 2 mm from its wall and 2 mm deeper.",
-    "behind": "Next: part the tissue behind the {}, right angle in the right hand; "
+    "between": "Next: part the tissue between {} and {}, right hand's dissector: tip into the "
+    "ring, jaws (J, L) along its bar.",
+    "deep": "Next: part the deep tissue between {} and {}, right hand's right angle: jaws (J, L) "
+    "along the bar.",
+    "under": "Next: part the tissue under the {}, right hand's dissector: open in the ring, along "
+    "its bar (J, L), then lead it under.",
+    "behind": "Next: part the tissue behind the {}, right hand's right angle; "
     "turn (J, L) its tip across it, and pass under.",
-    "plate": "Next: part the {} from the liver: draw it off with the left hand's grasper, "
-    "and part between with the right hand's dissector.",
+    "plate": "Next: part the {} from the liver, right hand's dissector: tip into the ring, jaws "
+    "(J, L) along its bar.",
 }
 """How to part what holds, by where it is of the tubes that it holds."""
 TAKE_HOLD = (
-    "Next: take hold of the {} near its neck with the left hand's grasper, and draw it aside."
+    "Next: take hold of the {} in the ring with the left hand's grasper, and draw it aside, up and "
+    "to the left."
 )
+DRAW_OFF = (
+    "Next: take hold of the {} in the ring with the left hand's grasper, and draw it down and "
+    "towards you, off the liver."
+)
+LIFT = (
+    "Next: hold the {} near its neck with the left hand's grasper, lift it towards you until it "
+    "stops, and let go."
+)
+SLACKEN = "Next: let the {} back a little with the left hand's grasper: the {} is near its break."
 MARK = "Next: mark the {}: choose it under Point at, and press it in the picture (K, then G)."
 CLIP = (
     "Next: clip the {} {} the gallbladder, clip applier in the right hand; turn (J, L) a jaw to "
@@ -82,13 +95,15 @@ class CriticalView:
     @property
     def next_part(self) -> Part | None:
         """What to free next, what is easiest first; None once each part has all its points."""
-        # All of the plate and `SOME` of the triangle are in a dissector's reach; for the rest the
-        # right angle goes behind tubes.
-        asked: list[tuple[Part, int, int]] = [
-            ("triangle", self.triangle_cleared, 1), ("plate", self.plate_freed, 2),
-            ("triangle", self.triangle_cleared, 2), ("tubes", self.two_structures, 2),
+        # All of the plate and `SOME` of the triangle are in a dissector's reach, `OPENED` before
+        # the plate; for the rest the right angle goes behind tubes.
+        if self.triangle < OPENED:
+            return "triangle"
+        asked: list[tuple[Part, int]] = [
+            ("plate", self.plate_freed), ("triangle", self.triangle_cleared),
+            ("tubes", self.two_structures),
         ]  # fmt: skip
-        return next((part for part, points, wanted in asked if points < wanted), None)
+        return next((part for part, points in asked if points < MOST_POINTS // 3), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +150,7 @@ class NextStep(NamedTuple):
     words: str
     strands: NDArray[np.int64]  # that it is about; none once there is nothing to part
     along: tuple[float, float, float] | None = None  # direction in which jaws part them
+    place: tuple[float, float, float] | None = None  # mm, where jaws part them or take hold
 
 
 def closing_step(closings: Sequence[Closing], stay: int, go: int) -> str:

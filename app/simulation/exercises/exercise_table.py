@@ -55,7 +55,7 @@ EXERCISES: dict[str, ExerciseKind] = {
     "first_view": ExerciseKind(
         "First view",
         "draw the gallbladder aside, part the tissue of the triangle, lift the neck, and draw the "
-        "gallbladder off the liver; dots mark what comes next",
+        "gallbladder off the liver; a ring marks what comes next",
         ("wrong_structure", "bleeding"), ALL_INSTRUMENTS, time_limit_s=900.0,
     ),
     "critical_view": ExerciseKind(

@@ -8,27 +8,19 @@ count, and no part has a point.
 """
 
 import math
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.anatomy import Anatomy, tube_title
+from app.anatomy import Anatomy
 from app.simulation.exercises.critical_view import (
     ENOUGH,
-    PART,
     SOME,
-    TAKE_HOLD,
     Closing,
     CriticalView,
-    NextStep,
     Part,
     Tenting,
-    Where,
-    closing_step,
 )
-from app.simulation.exercises.exercise import Exercise
-from app.simulation.exercises.goals import CriticalView as Goal
 from app.simulation.inputs.inputs import Structure
 from app.simulation.specimen.structures import LOWER_FRACTION, entering_tubes, named_structures
 from app.simulation.tissue.spatial_tissue import SpatialTissue
@@ -39,17 +31,12 @@ __all__ = ["Safety"]
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 STRUCTURE_MM = 6.0
 """Length of each structure, next to the gallbladder, that must be free all round."""
 MARGIN_MM = 2.0
 """mm by which the triangle of the axes is wider."""
 BIN_MM = 1.0
-BEGUN, DEEP_MM, DRAWN_MM = 0.1, 0.5, 2.0
-"""Of the triangle's strands that have parted, from which on one has begun; how far behind both
-tubes' axes what holds between them lies, from which on a straight instrument does not reach it; and
-how far a gallbladder is that has been drawn aside."""
 ALONG_MM = 10.0
 """Length of duct, to either side of the junction, over which its direction is taken."""
 
@@ -103,7 +90,6 @@ class Safety:
             & (strands.stations <= LOWER_FRACTION * tubes[self.gallbladder].span)
         )
         self._triangle = self._inside(anatomy)
-        self._all = {name: on(name, 0.0, tube.span) for name, tube in tubes.items()}
         self._viewed: tuple[BeamOnBed, int, list[RuptureCheck | None], int] | None = None
         self._view: CriticalView
         self.entering = entering
@@ -197,73 +183,11 @@ class Safety:
             points = 0, 0, 0
         return CriticalView(*points, structures, neck, triangle, plate, torn)
 
-    def next_step(self, exercise: Exercise, *, viewed: bool) -> NextStep | None:
-        """Return what an exercise of a critical view asks for next; None where nothing is left."""
-        # Once it is viewed, what closes its structures; else to part what holds most of the part
-        # that is next.
-        goal, view = exercise.goal, self.critical_view()
-        if not isinstance(goal, Goal):
-            return None
-        if viewed:
-            words = closing_step(self.closings(), goal.stay, goal.go)
-            return NextStep(words, np.zeros(0, dtype=np.int64)) if words else None
-        if view.next_part is None:
-            return None
-        tissue, strands = self.tissue, self.tissue.tubes.strands
-        left = np.flatnonzero(self._lacking(view, view.next_part) & (tissue.beam.damage < 1.0))
-        if not left.size:
-            return None
-        of, to, names = strands.tubes[left], strands.to[left], tissue.tubes.names
-        # A number of both ends, whichever of them it grows from.
-        ends = np.maximum(of, to) * len(names) + np.minimum(of, to) + 1
-        left = left[ends == np.bincount(ends).argmax()]
-        held = [names[each] for each in (strands.tubes[left[0]], strands.to[left[0]]) if each >= 0]
-        if view.triangle < BEGUN and not self.gallbladder_drawn:
-            return NextStep(TAKE_HOLD.format(tube_title(self.gallbladder)), left)
-        where = self._where(view, held, left)
-        words = PART[where].format(*map(tube_title, held))
-        if where not in ("between", "deep"):
-            return NextStep(words, left)
-        # Strands of one pair all lead from one tube to the other, but some the other way round.
-        paths = strands.feet[left] - strands.ends[left]
-        x, y, z = np.linalg.svd(paths, full_matrices=False)[2][0].tolist()
-        return NextStep(words, left, (x, y, z))
-
-    @property
-    def gallbladder_drawn(self) -> bool:
-        """Whether a hand holds the gallbladder, away from where it was at rest."""
-        beam, tube = self.tissue.beam, self.tissue.tubes.names.index(self.gallbladder)
-        return any(
-            math.dist(beam.places[hand.node], beam.rest_place(hand.node)) > DRAWN_MM
-            for hand in self.tissue.hands
-            if hand.node is not None and hand.tube == tube
-        )
-
-    def _where(self, view: CriticalView, names: list[str], strands: Ints) -> Where:
-        """Return where strands are, of the tubes that they hold or of the one that is held."""
-        bent = view.triangle >= SOME  # before that a dissector does
-        if len(names) > 1:
-            return "deep" if bent and self._in_front[strands].mean() < -DEEP_MM else "between"
-        if names[0] == self.gallbladder:
-            return "plate"
-        return "behind" if bent else "beside"
-
-    @cached_property
-    def _in_front(self) -> Floats:
-        """How far the middle of each strand between tubes is in front of both axes, (S,) mm."""
-        tubes, strands = self.tissue.tubes.network.tubes, self.tissue.tubes.strands
-        axes = np.zeros((2, strands.count))
-        for number, tube in enumerate(tubes.values()):
-            for row, of, at in (
-                (0, strands.tubes, strands.stations), (1, strands.to, strands.to_stations),
-            ):  # fmt: skip
-                axes[row, of == number] = tube.places_at(at[of == number])[0][:, 2]
-        return 0.5 * (strands.ends[:, 2] + strands.feet[:, 2]) - axes.mean(axis=0)
-
-    def _lacking(self, view: CriticalView, part: Part) -> Mask:
-        """Return the strands, parted or not, of what a part of the view does not have yet."""
+    def lacking(self, part: Part) -> Mask:
+        """Return the strands, parted or not, of what a part of the view does not have yet, (S,)."""
         if part != "tubes":
             return self._triangle if part == "triangle" else self._plate
+        view = self.critical_view()
         masks = [self._about[name] for name, free in view.structures.items() if free < ENOUGH]
         return np.any([*masks, *([self._neck] if view.neck < ENOUGH else [])], axis=0)
 

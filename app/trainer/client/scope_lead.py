@@ -15,6 +15,7 @@ from app.simulation import (
     HOLDING,
     TICK_SECONDS,
     TROCARS,
+    Guidance,
     Hand,
     Instrument,
     NextStep,
@@ -28,7 +29,7 @@ from app.simulation import (
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
 
-__all__ = ["CLOSES_MM_S", "HOLDS_MM_S", "SPREAD", "STOPS_AT", "ScopeLead"]
+__all__ = ["CLOSES_MM_S", "HOLDS_MM_S", "JUDGED_TICKS", "SPREAD", "STOPS_AT", "ScopeLead"]
 
 Floats = NDArray[np.float64]
 
@@ -53,11 +54,14 @@ GIVES_MM = 0.1
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
 STOPPED = (
-    "Lead the instrument back where it came from, or close its jaws. Slacken what the other hand "
-    "pulls, and part elsewhere or less deep. Each click or key more goes 3 % nearer to the break."
+    "Lead the instrument back where it came from, or close its jaws (C). Slacken what the other "
+    "hand pulls (X leads it), and part elsewhere or less deep. Each click or key more goes 3 % "
+    "nearer to the break."
 )
 SEEN_TICKS = 30
 """Ticks after a stop, in which keys do nothing: they were pressed before it was seen."""
+JUDGED_TICKS = 15
+"""Ticks after which what comes next is judged anew."""
 PARTS: frozenset[Instrument] = frozenset({"dissector", "right angle"})
 """Instruments whose jaws part tissue."""
 LEAST_ACROSS = 0.2
@@ -101,7 +105,7 @@ class ScopeLead:
         self._points_at: Structure | None = None
         self._cross = 0.0, 0.0
         self._photographs = False  # whether one is asked for
-        self._safety: Safety | None = None
+        self._guidance: Guidance | None = None
         self._judged: object = None  # of what `_next` was found
         self._next = self._marked = cast(NextStep | None, None)
         self._to_part: tuple[int, ...] = ()  # of what is `_marked`
@@ -153,16 +157,16 @@ class ScopeLead:
         shown = state.marks_next and state.figures_visible and state.playback is None
         if exercise is None or not exercise.shows_view or run.over or not shown:
             return None
-        if self._safety is None or self._safety.tissue is not tissue:
-            self._safety = Safety(tissue)
-        # Nothing else changes it.
+        if self._guidance is None or self._guidance.tissue is not tissue:
+            self._guidance = Guidance(Safety(tissue))
+        # What is asked for does not change with each strand that parts.
         now = (
-            exercise, tissue.beam, tissue.beam.broken, len(tissue.events), len(tissue.marks),
-            self.structures, self._safety.gallbladder_drawn,
+            exercise, tissue.beam, len(tissue.events), len(tissue.marks), self.structures,
+            tissue.ticks // JUDGED_TICKS,
         )  # fmt: skip
         if now != self._judged:
             self._judged = now
-            self._next = self._safety.next_step(exercise, viewed=bool(self.structures))
+            self._next = self._guidance.next_step(exercise, viewed=bool(self.structures))
         return self._next
 
     @property
@@ -191,6 +195,31 @@ class ScopeLead:
             numbers = np.flatnonzero(np.isin(order, wanted)).tolist()
             self._marked, self._to_part = step, tuple(numbers)
         return self._to_part
+
+    @property
+    def ring(self) -> tuple[float, ...] | None:
+        """Where the next step is done, mm, and along what jaws part there, (6,); None nowhere."""
+        step = self.next_step
+        if step is None or step.place is None:
+            return None
+        along = (0.0, 0.0, 0.0) if step.along is None else step.along
+        return tuple(round(each, 2) for each in (*step.place, *along))
+
+    @property
+    def to_ring(self) -> tuple[float, float, float] | None:
+        """How far right, up and deep of the led tip the ring is, mm, as it is seen.
+
+        None where there is no ring, the scope is led or the hand holds something.
+        """
+        ring, holder = self.ring, self._state.hands[self.hand]
+        if ring is None or self.leads_scope or holder.node is not None:
+            return None
+        camera = self.held.camera
+        tip, place = (camera.axes.T @ (np.array(each) - camera.tip) for each in
+                      (holder.place, ring[:3]))  # fmt: skip
+        # Both are compared at the tip's depth: there it is, right under the pointer.
+        right, up = place[:2] * (tip[2] / place[2]) - tip[:2]
+        return float(right), float(up), float(tip[2] - place[2])
 
     def point(self, structure: Structure | None) -> None:
         """Let the pointer mark a structure from now on, or lead hands again."""
