@@ -78,7 +78,7 @@ STEP = 0.5
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
 MARKS = "Mark what is next"
-MARKED = "In First view and Critical view: a sentence, and a dot on each strand that it is about"
+MARKED = "In First view and Critical view: a sentence, a ring where to, and a dot on each strand"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
 YOU_HOLD = "You hold the scope. V gives it back."
 HOW_PX = 84
@@ -320,7 +320,9 @@ class ScopePanel:
                     f"<b>{', '.join(map(tube_title, torn))}</b>",
                 )
             )
-        table = rows_html(rows, "padding:1px 10px 1px 0;opacity:.85", "text-align:right")
+        table = rows_html(
+            rows, "padding:1px 10px 1px 0;opacity:.85;white-space:nowrap", "text-align:right"
+        )
         return (
             f"<table data-testid='readout' data-broken='{reading.broken}' data-torn='{len(torn)}' "
             f"style='margin:2px 12px 6px;width:calc(100% - 24px);font-size:13px'>{table}</table>"
@@ -333,17 +335,21 @@ class ScopePanel:
         holder = tissue.hands[hand]
         if self._lead.leads_scope:
             return [("Led", "the scope"), ("Tip", "-")]
-        place = "-"
-        if holder.node is not None:
+        name, place = "Tip", "-"
+        to_ring = self._lead.to_ring
+        if to_ring is not None:
+            name, place = "To the ring", _moves(to_ring)
+        elif holder.node is not None:
             place = f"holds the {tube_title(tissue.tubes.names[holder.tube])}"
         elif self._state.figures_visible:  # a picture of one eye does not tell how deep a tip is
             far, tube, side = seen_beside(tissue.beam, holder.place, self._lead.held.camera.axes)
             wall = tube_title(tissue.tubes.names[tube])
             place = f"{max(far, 0.0):.0f} mm {side} the {wall}"
         led = f"{HANDS[hand].lower()}, {holder.instrument}"
-        if holder.instrument not in HOLDING and self._state.figures_visible:
-            led = f"{led}, touches {tissue.touched(hand)} strands"
-        return [("Led", led), ("Tip", place)]
+        touched = 0 if holder.instrument in HOLDING else tissue.touched(hand)
+        if touched and self._state.figures_visible:
+            led = f"{led}, {touched} strands"
+        return [("Led", led), (name, place)]
 
     @property
     def _to_turn(self) -> str:
@@ -445,6 +451,17 @@ class ScopePanel:
             "V": state.bring_home,
         }
         add_keys(state, KEYS, actions, ALWAYS)
+
+
+def _moves(to_ring: tuple[float, float, float]) -> str:
+    """Return how to move a tip right, up and deep, mm, in words."""
+    names = ("right", "left"), ("up", "down"), ("deeper", "nearer")
+    out = [
+        f"{abs(far):.0f} mm {more if far > 0.0 else less}"
+        for far, (more, less) in zip(to_ring, names, strict=True)
+        if round(abs(far)) > 0
+    ]
+    return ", ".join(out) or "in it"
 
 
 def _text() -> str:

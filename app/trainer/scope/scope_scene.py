@@ -50,6 +50,11 @@ class Led(Protocol):
         """The strands, as the page numbers them, that are marked in the picture."""
         ...
 
+    @property
+    def ring(self) -> tuple[float, ...] | None:
+        """Place, mm, and bar's direction of the ring in the picture, (6,); None without one."""
+        ...
+
     def take_request(self) -> bool:
         """Return whether a photograph was asked for since the last call."""
         ...
@@ -133,6 +138,7 @@ class ScopeScene:
         # as the page has it: a hand or what else is led, by which end, where the cross is
         self._leads: tuple[int, bool, tuple[float, float] | None] | None = None
         self._warning, self._marked = "", tuple[int, ...]()
+        self._ring: tuple[float, ...] | None = None
         self._frame = client.scene.add_frame("/scope", show_axes=False)
         self._pointer: viser.GuiTextHandle | None = None
         self._photograph: viser.GuiTextHandle | None = None
@@ -180,6 +186,10 @@ class ScopeScene:
         if marked != self._marked:
             self._marked = marked
             run_function(self._client.scene, "bluntdissectScope.mark", marked)
+        ring = led.ring
+        if ring != self._ring:
+            self._ring = ring
+            run_function(self._client.scene, "bluntdissectScope.ring", ring)
         hand = POINTS if led.cross is not None else SCOPE if led.leads_scope else led.hand
         leads = hand, led.by_handle, led.cross
         if self._photograph is not None and led.take_request():
@@ -263,7 +273,7 @@ class ScopeScene:
                 scope,
                 plain=self._look == "plain",
             )
-            self._leads, self._warning, self._marked = None, "", ()
+            self._leads, self._warning, self._marked, self._ring = None, "", (), None
         return self._picture
 
     def _clear(self) -> None:
