@@ -154,11 +154,11 @@ class Guidance:
         strands, names = self.tissue.tubes.strands, self.tissue.tubes.names
         ends = strands.tubes[group[0]], strands.to[group[0]]
         where = self._where(view, [names[each] for each in ends if each >= 0], group)
-        middles = self._middles(group)
         if where == "under":
             places, along = self._beside(group)
             at, weight = self._weighed(places)
             return _Asked(where, group, weight, places[at], along[at])
+        middles = self._middles(group)
         at, weight = self._weighed(middles)
         near = ((middles - middles[at]) ** 2).sum(axis=1) < NEAR_MM**2
         place = middles[at].copy()

@@ -6,30 +6,26 @@
   const CORNERS = [-1, -1, 1, -1, 1, 1, -1, 1], FRONT = 9;
   const SEEN = { transparent: true, depthTest: false, depthWrite: false };
 
-  let wanted = [], ringed = null;
+  const wanted = {};
 
-  const show = (strands, left = 600) => {
+  // Draw something in front, by its name, once there is a picture; null takes it away.
+  const show = (name, given, draw, left = 600) => {
     const { picture } = scope;
-    if (strands !== wanted) return;
-    if (!picture) { if (left) setTimeout(() => show(strands, left - 1), 50); return; }
-    picture.unmark?.();
-    picture.unmark = null;
-    if (!strands.length) return;
-    const dots = square(picture);
-    picture.make.each(dots, "strand", new Float32Array(strands), 1);
-    picture.unmark = putInFront(picture, dots, picture.material(["ends", "mark.vert"], ["common", "mark.frag"], {}, SEEN));
+    if (given !== wanted[name]) return;
+    if (!picture) { if (left) setTimeout(() => show(name, given, draw, left - 1), 50); return; }
+    const shown = picture.marks ??= {};
+    shown[name]?.();
+    shown[name] = given && draw(picture, given);
     viewer.redraw();
   };
-  const showRing = (ring, left = 600) => {
-    const { picture } = scope;
-    if (ring !== ringed) return;
-    if (!picture) { if (left) setTimeout(() => showRing(ring, left - 1), 50); return; }
-    picture.unring?.();
-    picture.unring = null;
-    viewer.redraw();
-    if (!ring) return;
+  const drawDots = (picture, strands) => {
+    const dots = square(picture);
+    picture.make.each(dots, "strand", new Float32Array(strands), 1);
+    return putInFront(picture, dots, picture.material(["ends", "mark.vert"], ["common", "mark.frag"], {}, SEEN));
+  };
+  const drawRing = (picture, ring) => {
     const own = { uPlace: ring.slice(0, 3), uAlong: ring.slice(3) };
-    picture.unring = putInFront(picture, square(picture), picture.material(["ring.vert"], ["common", "ring.frag"], own, SEEN));
+    return putInFront(picture, square(picture), picture.material(["ring.vert"], ["common", "ring.frag"], own, SEEN));
   };
   const square = ({ make }) =>
     make.geometry({ position: [new Float32Array(12), 3], place: [new Float32Array(CORNERS), 2] }, new Uint32Array([0, 1, 2, 0, 2, 3]));
@@ -44,7 +40,7 @@
   };
 
   // Mark strands, by their numbers, instead of those that are marked.
-  scope.mark = strands => { wanted = strands; show(strands); };
+  scope.mark = strands => show("dots", wanted.dots = strands.length ? strands : null, drawDots);
   // Put the ring to a place, mm, with its bar along a direction or none: six numbers; null for none.
-  scope.ring = ring => { ringed = ring; showRing(ring); };
+  scope.ring = ring => show("ring", wanted.ring = ring, drawRing);
 })();
