@@ -5,7 +5,7 @@ What is listed here is the package's public face; other packages import from it 
 """
 
 from app.bed_preset import BedPreset, bed_named, bed_presets
-from app.simulation.exercises.critical_view import MOST_POINTS, CriticalView, NextStep, Tenting
+from app.simulation.exercises.critical_view import MOST_POINTS, CriticalView, Tenting
 from app.simulation.exercises.errors import (
     CONSEQUENCES,
     ERROR_CLASSES,
@@ -27,6 +27,7 @@ from app.simulation.exercises.exercise import (
 )
 from app.simulation.exercises.exercise_table import EXERCISES
 from app.simulation.exercises.metrics import DISTANCE_TO_BREAK, METRIC_OF, METRICS, Metric, Metrics
+from app.simulation.exercises.next_step import NextStep
 from app.simulation.exercises.older_exercises import renamed_exercise, renamed_goal, renamed_numbers
 from app.simulation.inputs.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
 from app.simulation.inputs.grasper import HAND_SPEED, Grasper, Load
@@ -97,6 +98,7 @@ from app.simulation.specimen.tear import (
 from app.simulation.specimen.tubes import Tubes
 from app.simulation.tissue.guidance import Guidance
 from app.simulation.tissue.held_pull import pull_and_hold
+from app.simulation.tissue.jaw_steps import IN_RING_MM, turn_off
 from app.simulation.tissue.planar_tissue import PlanarTissue
 from app.simulation.tissue.reached_tube import (
     REACH,
@@ -143,6 +145,7 @@ __all__ = [
     "HAND_SPEED",
     "HOLDING",
     "INSTRUMENTS",
+    "IN_RING_MM",
     "JAW_RADIUS",
     "LIMITS",
     "MANNERS",
@@ -270,5 +273,6 @@ __all__ = [
     "specimen_in_bed",
     "tear_front",
     "tear_swing",
+    "turn_off",
     "wall_offset",
 ]

@@ -12,22 +12,27 @@ from app.anatomy import Anatomy, anatomy_named, drawn_anatomy, shipped_anatomies
 from app.simulation import (
     FEW,
     MANNERS,
+    TROCARS,
     Guidance,
     Instrument,
+    NextStep,
     Replay,
     Safety,
     Session,
     Specimen,
     exercise_at,
     exercises_offered,
+    near_place,
     perform,
     performed,
     read_run,
     read_script,
     run_json,
+    wall_offset,
 )
-from app.simulation.exercises.critical_view import Closing, closing_step
+from app.simulation.exercises.critical_view import Closing
 from app.simulation.exercises.goals import CriticalView
+from app.simulation.exercises.next_step import closing_step
 from assets import SCRIPTS
 
 
@@ -90,33 +95,91 @@ def test_once_the_view_is_reached_structures_are_marked_as_what_they_are() -> No
 ANATOMIES = [*map(anatomy_named, shipped_anatomies()), *map(drawn_anatomy, range(1, 6))]
 
 
+def obey(session: Session, step: NextStep) -> str:
+    """Put hands where a step asks for them, and part what jaws open at; what was done."""
+    tissue = session.spatial
+    held, jaws = tissue.hands
+    place = np.array(step.place) if step.place is not None else held.place
+    if "take hold" in step.words:
+        found = near_place(tissue.beam, place)
+        assert found is not None
+        assert tissue.tubes.names[found[0]] == "gallbladder"
+        session.grab(0, found[1], found[0])
+        return "hold"
+    if "let go" in step.words:
+        session.release(0)
+        return "let go"
+    if step.hand == 0:
+        held.put(place - wall_offset(tissue, 0))
+        return "draw"
+    if "part the" in step.words:
+        bent = "right angle" in step.words
+        session.choose_instrument(1, "right angle" if bent else "dissector")
+        jaws.put(place)
+        shaft, along = TROCARS[1].shaft(place), np.array(step.along)
+        across = along - (along @ shaft) * shaft
+        x, y, z = (across / np.linalg.norm(across)).tolist()
+        if bent:
+            jaws.aim = x, y, z
+        else:
+            jaws.spread = x, y, z
+        return "part"
+    if "along its tip" in step.words or "as it came, into" in step.words:
+        jaws.put(place)
+        return "back" if "as it came" in step.words else "pass"
+    if "(G): its jaws" in step.words:
+        jaws.opening = 10.0
+        tissue.beam.detach(np.isin(np.arange(tissue.tubes.strands.count), step.strands))
+        return "open"
+    if "under the" in step.words:
+        jaws.put(place)
+        return "lead under"
+    if "close" in step.words:
+        jaws.opening = 0.0
+        return "close"
+    if "out of" in step.words:
+        jaws.put(jaws.place + np.array([0.0, 0.0, 40.0]))
+        return "withdraw"
+    assert "stand still" in step.words, step.words
+    return "wait"
+
+
 @pytest.mark.parametrize("anatomy", ANATOMIES, ids=lambda each: f"{each.name} {each.seed}")
-def test_who_parts_what_is_asked_for_next_has_the_whole_view(anatomy: Anatomy) -> None:
-    """Each step is whole tissue of one place, and a sentence of at most 25 words."""
+def test_who_does_what_is_asked_for_next_has_the_whole_view(anatomy: Anatomy) -> None:
+    """Step by step: the gallbladder is drawn, then jaws part whole tissue of one place."""
     session = Session(Specimen.of_anatomy(anatomy), vertices=FEW)
     exercise = exercise_at(anatomy, "critical_view")
     assert exercise is not None
     session.start_exercise(exercise)
-    tissue, safety = session.spatial, Safety(session.spatial)
-    guidance = Guidance(safety)
-    strands, hands = tissue.tubes.strands, ("left hand's grasper", "right hand's")
-    for done in range(30):
+    safety = Safety(session.spatial)
+    tissue, guidance = session.spatial, Guidance(safety)
+    strands, done = tissue.tubes.strands, list[str]()
+    for _ in range(400):
         step = guidance.next_step(exercise, viewed=False)
         if step is None:
             break
         assert len(step.words.split()) <= 25, step.words
         assert step.words.endswith(".")
-        assert any(each in step.words for each in hands), step.words
-        off_the_liver = "off the liver" in step.words
-        assert ("take hold" in step.words) == (done == 0 or off_the_liver)
+        assert f"{('left', 'right')[step.hand or 0]} hand's" in step.words
         assert (tissue.beam.damage[step.strands] < 1.0).all()
-        ends = {(strands.tubes[each], strands.to[each]) for each in step.strands}
-        assert len({frozenset(each) for each in ends}) == 1
-        titles = [tube_title(tissue.tubes.names[each]) for each in ends.pop() if each >= 0]
-        # To take hold of the gallbladder is all that is asked for at first.
-        assert done == 0 or all(each in step.words for each in titles), step.words
-        tissue.beam.detach(np.isin(np.arange(strands.count), step.strands))
+        if "part the" in step.words:
+            ends = {(strands.tubes[each], strands.to[each]) for each in step.strands}
+            assert len({frozenset(each) for each in ends}) == 1
+            titles = [tube_title(tissue.tubes.names[each]) for each in ends.pop() if each >= 0]
+            assert all(each in step.words for each in titles), step.words
+        done.append(obey(session, step))
+        if done[-1] == "hold" and session.spatial is not tissue:  # made whole, as a run begins
+            safety = Safety(session.spatial)
+            tissue, guidance = session.spatial, Guidance(safety)
     assert safety.critical_view().total == 6
+    assert done[:5] == ["hold", "draw", "draw", "draw", "part"]
+    # Jaws that have opened are closed and withdrawn before anything else is asked for.
+    words = " ".join(each for each in done if each != "wait")
+    words = words.removesuffix(" open").removesuffix(" pass")
+    assert words.count("open") == words.count("close")
+    assert "close" not in re.sub(r"open (lead under )?close( back)? withdraw", "", words)
+    assert words.count("pass") == words.count("back")
+    assert {"draw", "part", "open", "close", "withdraw", "let go", "pass"} <= set(done)
 
 
 def test_structures_are_closed_one_after_the_other() -> None:

@@ -1,6 +1,6 @@
 """The critical view by mouse, wheel and keys alone, as docs/tutorials/first-view.md says it.
 
-The run of *First view* is what *Show me* plays:
+*First view* is reached by what the page asks for. That run is what *Show me* plays:
 python tests/app/test_first_view.py assets/runs/first_view.json.xz
 """
 
@@ -12,13 +12,11 @@ import pytest
 from trainee import Floats, Trainee
 
 from app.anatomy import anatomy_named
-from app.simulation import CarefulRun, Replay, exercise_at
+from app.simulation import GRIP_N, CarefulRun, Replay, exercise_at
 from assets import RUNS
 from organ_geometry import write_atomic
 
-LATERAL, UP, TO_VIEWER, OFF_THE_LIVER = (
-    (0.2, 0.7, 0.65), (0.0, 0.0, 1.0), (0.0, -0.5, 0.8), (-0.68, -0.6, -0.42),
-)  # fmt: skip
+LATERAL, UP, OFF_THE_LIVER = (0.2, 0.7, 0.65), (0.0, 0.0, 1.0), (-0.68, -0.6, -0.42)
 ACROSS = np.array([0.0, 1.0, 0.0])
 """In the picture from side to side: along it jaws part between duct and common duct."""
 BELOW = np.array([0.0, 0.0, -2.0])
@@ -74,11 +72,11 @@ def between_the_ducts(trainee: Trainee, cystic: float, common: float) -> None:
     trainee.spread(place, across / np.linalg.norm(across))
 
 
-def begun(name: str) -> Trainee:
+def begun(name: str, grip: float | None = GRIP_N) -> Trainee:
     """Return a trainee at an exercise."""
     exercise = exercise_at(anatomy_named("normal"), name)
     assert exercise is not None
-    return Trainee("normal", exercise)
+    return Trainee("normal", exercise, grip)
 
 
 def let_go(trainee: Trainee) -> None:
@@ -97,74 +95,58 @@ def part_the_triangle(trainee: Trainee) -> None:
     trainee.pull(UP, 8.0)
 
 
-def reached() -> Trainee:
-    """Return a trainee who has done *First view*, as the tutorial does it."""
-    trainee = begun("first_view")
-    part_the_triangle(trainee)
-    # Go beside the duct again while nothing is taut.
-    trainee.pull(TO_VIEWER, 8.0)
-    let_go(trainee)
-    trainee.sweep(beside_the_duct(trainee))
-    low = trainee.at("cystic", 8.0) - trainee.at("common", 34.0)
-    trainee.spread(trainee.between("cystic", 8.0, "common", 34.0), low / np.linalg.norm(low))
-    # Draw the gallbladder off the liver, and part what still holds it.
-    trainee.hold(18.0)
-    trainee.pull(OFF_THE_LIVER, 8.0)
-    for station in (8.0, 3.0, 14.0):
-        between_gallbladder_and_liver(trainee, station)
-    trainee.pull(OFF_THE_LIVER, 6.0)
-    for station in (12.0, 20.0):
-        trainee.hold(station)
-        trainee.pull(OFF_THE_LIVER, 8.0)
-    for station in (18.0, 6.0):
-        between_gallbladder_and_liver(trainee, station)
-    trainee.hold(8.0)
-    trainee.pull(UP, 8.0)
-    trainee.pull(TO_VIEWER, 8.0)
-    return trainee
+def followed(seed: int) -> Trainee:
+    """Return a trainee who has done what the page asked for in *First view*.
 
-
-@pytest.mark.long  # four minutes of hands
-def test_the_first_view_is_reached_by_mouse_and_keys_alone() -> None:
-    """Three of six points in under five minutes with nothing torn."""
-    trainee = reached()
-    session = trainee.session
-    outcome = session.run.outcome
-    assert outcome is not None
-    assert outcome.passed, outcome.reason
-    assert trainee.points() == (0, 1, 2)
-    metrics = session.metrics()
-    assert metrics["time_s"] < 300.0
-    assert metrics["peak_stress_ratio"] < 0.9
-    assert session.spatial.events == []
-    kept = session.run_file()
-    replay = Replay(kept.log, session.tissue.dissection.organ, tore=False)
-    assert replay.run_file() == kept
-    recorded = CarefulRun.read(RUNS / "first_view.json.xz")
-    assert kept == recorded.run, "record it again, as the first lines here say"
-
-
-@pytest.mark.long  # some five minutes of hands each
-@pytest.mark.parametrize("seed", [2, 3, 4])
-def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
-    """By its words, its ring and its bar alone, missed by some 0.7 mm: nothing tears."""
+    He goes by its words, ring and bar, and misses each place by some 0.7 mm; what is asked for
+    again and again he aims at anew.
+    """
     trainee, dice = begun("first_view"), np.random.default_rng(seed)
-    run = trainee.session.run
-    for _ in range(45):
+    run, asked, again, missed = trainee.session.run, "", 0, np.zeros(3)
+    for _ in range(300):
         trainee.wait(0.6)  # what is asked for is judged twice a second
         step = trainee.lead.next_step
         if run.over or step is None:
             break
-        trainee.follow(step, dice.normal(scale=0.7, size=3))
-    assert run.outcome is not None
-    assert run.outcome.passed, run.outcome.reason
-    assert run.seconds < 500.0
+        again = again + 1 if step.words == asked else 0
+        if again % 3 == 0:
+            asked, missed = step.words, dice.normal(scale=0.7, size=3)
+        trainee.follow(step, missed)
+    return trainee
+
+
+RECORDED = 7
+"""Of these runs, the one that *Show me* plays."""
+
+
+@pytest.mark.long  # some three minutes of hands each
+@pytest.mark.parametrize("seed", [1, 3, RECORDED])
+def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
+    """Three of six points with mouse and keys, in under five minutes, and nothing tears."""
+    session = followed(seed).session
+    outcome = session.run.outcome
+    assert outcome is not None
+    assert outcome.passed, outcome.reason
+    metrics = session.metrics()
+    assert metrics["time_s"] < 300.0
+    assert metrics["peak_stress_ratio"] < 0.9
+    assert session.spatial.events == []
+    assert session.spatial.hands[0].slips == 0
+    kept = session.run_file()
+    replay = Replay(kept.log, session.tissue.dissection.organ, tore=False)
+    assert replay.run_file() == kept
+    if seed == RECORDED:
+        recorded = CarefulRun.read(RUNS / "first_view.json.xz")
+        assert kept == recorded.run, "record it again, as the first lines here say"
 
 
 @pytest.mark.long  # ten minutes of hands
 def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
-    """Five of six points, then marks, clips and divisions, with no wall over 90 % of its break."""
-    trainee = begun("critical_view")
+    """Five of six points, then marks, clips and divisions, with no wall over 90 % of its break.
+
+    Its grasper lets nothing slip, and pulls with 45 N at most.
+    """
+    trainee = begun("critical_view", None)
     session = trainee.session
     # Behind the cystic duct.
     for station, past in ((16.0, 1.0), (10.0, 1.0), (13.0, 4.0), (6.0, 4.0)):
@@ -217,7 +199,7 @@ def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
 
 
 if __name__ == "__main__":
-    session = reached().session
+    session = followed(RECORDED).session
     made = CarefulRun(session.run_file(), session.run.incidents())
     write_atomic(Path(sys.argv[1]), made.packed())
     print(made.run.outcome, made.run.metrics["time_s"], "s,", len(made.incidents), "errors")

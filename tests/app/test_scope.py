@@ -43,6 +43,7 @@ from app.simulation import (
     wall_offset,
 )
 from app.simulation.inputs.trocar import DEEPEST, LENGTH
+from app.simulation.tissue.guidance import EASED, STAGE_MM, STAGES
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import (
     BENT_STEADY,
@@ -55,7 +56,6 @@ from app.trainer.client.scope_lead import (
     ScopeLead,
 )
 from app.trainer.client.workers import Workers
-from app.trainer.panel.scope_panel import TURN
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Frame, Packing, Well
@@ -397,14 +397,13 @@ def test_a_hold_that_is_lost_is_told(lead: ScopeLead) -> None:
     pass_time(lead, session, 1.5)
     lead.use_instrument()
     session.spatial._grip = 0.05  # N
-    lead.lead_hand(session.spatial.hands[0].place + np.array([0.0, 0.0, 5.0]))
+    session.move_hand(0, session.spatial.hands[0].place + np.array([0.0, 0.0, 5.0]))
     for _ in range(60):
-        lead.advance(1)
         state.advance(1)
     assert session.spatial.hands[0].slips == 1
     title, words = cast(MagicMock, state.client.add_notification).call_args.args
     assert title == "The hold is lost"
-    assert words.startswith("The gallbladder slid out of the grasper, which holds 5 N.")
+    assert words.startswith("The gallbladder slid out of the grasper, which holds 11.3 N.")
 
 
 def test_jaws_part_at_once_but_are_not_thrown_open(lead: ScopeLead) -> None:
@@ -545,29 +544,42 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     assert lead.to_part == ()
     session.start_exercise(critical_view())
     tissue = session.spatial
-    assert asked().words.startswith("Next: take hold of the gallbladder in the ring with the left")
+    hold = "Next: take hold of the gallbladder in the ring with the left hand's grasper (G)."
+    assert asked().words == hold
     assert session.grab(0, 8.0, tissue.tubes.names.index("gallbladder")) is not None
     tissue = session.spatial  # made whole, as a run begins
-    # Held it is not yet drawn aside.
-    assert asked().words.startswith("Next: take hold of the gallbladder in the ring")
-    session.move_hand(0, tissue.hands[0].place + np.array([0.0, 3.0, 2.0]))
-    pass_time(lead, session, 1.0)
-    between = "Next: part the tissue between cystic duct and common duct, right hand's dissector"
-    assert asked().words.startswith(between)
-    # Turned by half a turn, a jaw has lain towards each duct, and along both.
+    # Held it is drawn, by stages, each of which is asked for by a ring and its distance.
+    aside = "Next: draw the gallbladder aside with the left hand's grasper, slowly, until its tip "
+    far = list[float]()
+    while (step := asked()).words.startswith(aside):
+        to_ring = lead.to_ring
+        assert to_ring is not None
+        far.append(math.hypot(*to_ring))
+        lead.lead_hand(np.array(step.place))
+        pass_time(lead, session, 1.0)
+    assert 1 < len(far) <= STAGES
+    assert far == pytest.approx([STAGE_MM] * len(far), rel=0.25)
+    # What is taut is let back.
+    while (step := asked()).words.startswith("Next: let the gallbladder back a little"):
+        lead.lead_hand(tissue.hands[0].place + wall_offset(tissue, 0) - [0.0, 0.7, 0.7])
+        pass_time(lead, session, 1.0)
+    assert tissue.stress_ratio < EASED
+    between = "Next: part the tissue between cystic duct and common duct: lead the right hand's"
+    assert asked().words.startswith(f"{between} dissector into the ring")
+    # Each turn is shown as it is to be made: by it a jaw lies towards each duct.
     assert lead.turn_left is None  # of a grasper
+    assert lead.to_ring is None
     lead.choose(1)
     lead.advance(1)  # what was led before the run goes on no more
     lead.nudge(0.0, 0.0, 1.0)  # which lays it along its shaft
     pass_time(lead, session, 0.5)
-    offs = list[float]()
-    for _ in range(21):
+    for by in (0.0, 0.5, 1.0, -2.0):
+        lead.turn(by)
         off = lead.turn_left
         assert off is not None
-        offs.append(off)
-        lead.turn(TURN)
-    assert min(offs) < TURN
-    assert max(offs) > 0.5 * math.pi - TURN
+        assert abs(off) <= 0.5 * math.pi
+        lead.turn(off)
+        assert lead.turn_left == pytest.approx(0.0, abs=0.01)
     # Under the pointer the ring is only deeper; then the tip is in it.
     ring = np.array((lead.ring or ())[:3])
     eye, tip = lead.held.camera.tip, session.spatial.hands[1].place
@@ -582,18 +594,21 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     left = lead.to_ring
     assert left is not None
     assert abs(left[2]) < 1.5 < 5.0 < to_ring[2]
-    # What is between the ducts, then the plate, then what is under the duct: for that it is let go.
-    # Last, structures are marked.
-    asks = list[str]()
-    while "mark the" not in (step := asked()).words:
-        asks.append(step.words)
-        if "lift it" in step.words:
-            state.let_go(0)
-        else:
-            part(step.strands)
-    kinds = ["between cystic duct and common duct", "off the liver", "lift it", "under the"]
-    firsts = [next(i for i, each in enumerate(asks) if kind in each) for kind in kinds]
-    assert firsts == sorted(firsts)
+    # In it jaws are turned once more, opened, closed and withdrawn.
+    lead.turn(1.0)
+    assert asked().words.startswith("Next: turn the right hand's dissector")
+    lead.turn(-1.0)
+    assert asked().words.startswith("Next: open the right hand's dissector (G)")
+    lead.use_instrument()
+    pass_time(lead, session, 1.0)
+    opens = list[float]()
+    while (step := asked()).words.startswith("Next: the right hand's dissector opens; wait"):
+        opens.append(tissue.hands[1].opening)
+    assert len(opens) > 3
+    assert step.words == "Next: close the right hand's dissector (G)."
+    lead.use_instrument()
+    pass_time(lead, session, 2.0)
+    assert asked().words.startswith("Next: draw the right hand's dissector out of the tissue")
     state.show(marks_next=False)
     assert lead.next_step is None
     assert lead.to_part == ()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from app.anatomy import anatomy_named, anatomy_network
 from app.simulation import (
+    GRIP_N,
     TICK_SECONDS,
     TROCARS,
     Exercise,
@@ -32,6 +33,8 @@ NOTCH_MM, TURN = 1.5, 0.15
 """Of the wheel, and rad of a key: as page/pointer.js and the panel's keys have them."""
 PAUSE = 0.3
 """s in which one looks before one goes on."""
+AWAY = 4.0
+"""mm off a ring, from which on one goes there in front of the tissue."""
 IN_FRONT, PAST = 12.0, 3.0
 """mm in front of a tube, where jaws are turned, and past its axis, where they close."""
 TAUT, EASED = 0.66, 0.45
@@ -41,15 +44,16 @@ TAUT, EASED = 0.66, 0.45
 class Trainee:
     """Somebody who sees the picture, and leads the session by what the page sends."""
 
-    def __init__(self, anatomy: str, exercise: Exercise) -> None:
+    def __init__(self, anatomy: str, exercise: Exercise, grip: float | None = GRIP_N) -> None:
         given = anatomy_named(anatomy)
-        self.session = Session(Specimen.of_anatomy(given), vertices=300)
+        self.session = Session(Specimen.of_anatomy(given), vertices=300, grip_N=grip)
         self.session.start_exercise(exercise)
         self.held = HeldScope(anatomy_network(given))
         state = PageState(MagicMock(), self.session, cast(Workers, None))
         self.lead = ScopeLead(state, self.held)
         self._sent = 0
-        self._drawn: Floats = np.zeros(3)  # direction of the last pull
+        self._begun: Floats = np.zeros(3)  # where the last pull began
+        self._asked = ""
 
     # What the page sends
 
@@ -240,71 +244,66 @@ class Trainee:
 
     def follow(self, step: NextStep, missed: Floats) -> None:
         """Do what the page asks for, by its words, ring and bar, missed by so much, (3,) mm."""
-        place = None if step.place is None else np.array(step.place) + missed
-        if "let the" in step.words:
-            self.lead.choose(0)
-            for _ in range(12):
-                if self.session.spatial.stress_ratio < EASED:
-                    break
-                self._move(self.tip - 0.5 * self._drawn)
+        words, place = step.words, None if step.place is None else np.array(step.place) + missed
+        self._asked, before = words, self._asked
+        self.lead.choose(step.hand)
+        if "take hold" in words:
+            assert place is not None
+            self.take(0, "grasper")
+            self.wheel(-4)
+            self.to(place)
+            self.use()
+        elif "let the" in words or "a little" in words:
+            self._ease(step.hand or 0, place)
+        elif "part the" in words:
+            assert place is not None
+            self.take(1, "right angle" if "right angle" in words else "dissector")
+            if math.dist(self.tip, place) > AWAY:
+                self.wheel(-6)
+                self.drag(place)
+            self._turn()
+            self.to(place)
+        elif "turn the" in words:
+            self._turn()
+        elif "along its tip" in words or "as it came, into" in words:
+            assert place is not None
+            self.to(place)
+        elif "until its tip" in words:
+            assert place is not None
+            if words != before:
+                self._begun = self.tip.copy()
+            self.to(place)
             self.send("stop")
+        elif "out of the tissue" in words:
+            self.wheel(-6)
+        elif "stand still" in words:
             self.wait()
-        elif "lift it" in step.words:
-            if place is not None:
-                self._take_hold(place)
-            self._draw((0.1, 0.76, 0.67), missed)
-            self.lead.choose(0)
+        else:  # let go, open or close
             self.use()
-        elif "take hold" in step.words:
-            assert place is not None
-            self._take_hold(place)
-            aside = "aside" in step.words
-            self._draw((-0.76, 0.5, 0.3) if aside else (0.2, -0.64, 0.77), missed)
-        else:
-            assert place is not None
-            assert step.along is not None
-            self._part(place, np.array(step.along), under="under" in step.words)
 
-    def _take_hold(self, place: Floats) -> None:
-        self.take(0, "grasper")
-        if self.session.spatial.hands[0].node is not None:
-            self.use()
-            self.wait(0.6)  # and the ring goes with the gallbladder
-            ring = self.lead.ring
-            place = place if ring is None else np.array(ring[:3])
-        self.wheel(-4)
-        self.to(place)
-        self.use()
+    def _turn(self) -> None:
+        """Press L or J as the read-out says."""
+        off = self.lead.turn_left
+        for _ in range(0 if off is None else round(abs(off) / TURN)):
+            self.lead.turn(math.copysign(TURN, off or 0.0))
+            self.wait(0.1)
 
-    def _draw(self, in_picture: tuple[float, float, float], missed: Floats) -> None:
-        """Draw what is held right, up and to the eye, as the picture shows it."""
-        x, y, z = self.held.camera.axes @ np.array(in_picture) + 0.3 * missed
-        self._drawn = np.array([x, y, z]) / math.hypot(x, y, z)
-        self.pull((x, y, z), 8.0)
-
-    def _part(self, place: Floats, along: Floats, *, under: bool) -> None:
-        if not under:
-            self.spread(place, along)
+    def _ease(self, hand: int, place: Floats | None) -> None:
+        """Lead what strains a wall back where it came from, until it is slack."""
+        if place is not None:
+            self.to(place)
             return
-        self.take(1, "dissector")
-        self.wheel(-6)
-        self.drag(place)
-        self.turn_to(along)
-        self.to(place)
-        self.use()
-        # Towards the nearest tube, in the picture.
-        beam = self.session.spatial.beam
-        duct = beam.places[beam.nodes_of("cystic")] - place
-        side = duct[np.hypot(duct[:, 0], duct[:, 1]).argmin(), :2]
-        x, y = side / np.hypot(*side)
-        for _ in range(6):
-            if self.session.spatial.stress_ratio > TAUT:
+        if hand:
+            self.wheel(-2)
+            return
+        back = self._begun - self.tip
+        back /= max(1.0, math.hypot(*back))
+        for _ in range(12):
+            if self.session.spatial.stress_ratio < EASED:
                 break
-            self._move(self.tip + np.array([x, y, 0.0]))
+            self._move(self.tip + 0.5 * back)
         self.send("stop")
-        if self.session.spatial.hands[1].target_opening > 0.0:
-            self.use()
-        self.wheel(-6)
+        self.wait()
 
     def mark(self, structure: Structure, tube: str, station: float) -> None:
         """Choose a structure under Point at, and press it in the picture."""

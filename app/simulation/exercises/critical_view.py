@@ -1,18 +1,11 @@
 """The critical view of safety and a tented duct, as `Safety` finds them (docs/anatomy-file.md)."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from app.anatomy import tube_title
 
-__all__ = [
-    "DRAW_OFF", "ENOUGH", "LIFT", "MOST_POINTS", "OPENED", "PART", "SLACKEN", "SOME", "TAKE_HOLD",
-    "Closing", "CriticalView", "NextStep", "Part", "Tenting", "Where", "closing_step",
-]  # fmt: skip
+__all__ = ["ENOUGH", "MOST_POINTS", "OPENED", "SOME", "Closing", "CriticalView", "Part", "Tenting"]
 
 MOST_POINTS = 6
 """Of the critical view: two for each of its parts."""
@@ -24,41 +17,6 @@ there, it gives room for the rest."""
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 
 Part = Literal["triangle", "tubes", "plate"]
-Where = Literal["between", "deep", "under", "behind", "plate"]
-PART: dict[Where, str] = {
-    "between": "Next: part the tissue between {} and {}, right hand's dissector: tip into the "
-    "ring, jaws (J, L) along its bar.",
-    "deep": "Next: part the deep tissue between {} and {}, right hand's right angle: jaws (J, L) "
-    "along the bar.",
-    "under": "Next: part the tissue under the {}, right hand's dissector: open in the ring, along "
-    "its bar (J, L), then lead it under.",
-    "behind": "Next: part the tissue behind the {}, right hand's right angle; "
-    "turn (J, L) its tip across it, and pass under.",
-    "plate": "Next: part the {} from the liver, right hand's dissector: tip into the ring, jaws "
-    "(J, L) along its bar.",
-}
-"""How to part what holds, by where it is of the tubes that it holds."""
-TAKE_HOLD = (
-    "Next: take hold of the {} in the ring with the left hand's grasper, and draw it aside, up and "
-    "to the left."
-)
-DRAW_OFF = (
-    "Next: take hold of the {} in the ring with the left hand's grasper, and draw it down and "
-    "towards you, off the liver."
-)
-LIFT = (
-    "Next: hold the {} near its neck with the left hand's grasper, lift it towards you until it "
-    "stops, and let go."
-)
-SLACKEN = "Next: let the {} back a little with the left hand's grasper: the {} is near its break."
-MARK = "Next: mark the {}: choose it under Point at, and press it in the picture (K, then G)."
-CLIP = (
-    "Next: clip the {} {} the gallbladder, clip applier in the right hand; turn (J, L) a jaw to "
-    "either side."
-)
-DIVIDE = (
-    "Next: divide the {} between its clips, {} to stay and {} to go, scissors in the right hand."
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,26 +100,3 @@ class Closing(NamedTuple):
     stay: int  # clips on the side that stays; all of them before it is divided
     go: int  # clips on the side that goes with the gallbladder
     divided: bool
-
-
-class NextStep(NamedTuple):
-    """What an exercise asks for next."""
-
-    words: str
-    strands: NDArray[np.int64]  # that it is about; none once there is nothing to part
-    along: tuple[float, float, float] | None = None  # direction in which jaws part them
-    place: tuple[float, float, float] | None = None  # mm, where jaws part them or take hold
-
-
-def closing_step(closings: Sequence[Closing], stay: int, go: int) -> str:
-    """Return what to do next with the first structure that is not yet closed; empty if all are."""
-    for each in closings:
-        name, clips = tube_title(each.tube), each.stay + each.go
-        if not each.marked:
-            return MARK.format(name)
-        if each.divided:
-            continue
-        if clips < stay + go:
-            return CLIP.format(name, "away from" if clips < stay else "beside")
-        return DIVIDE.format(name, stay, go)
-    return ""

@@ -828,6 +828,13 @@ class SpatialTissue:
             beam.walls, beam.first_elements, np.array(self.strengths), self._stresses, self._found,
         )  # fmt: skip
 
+    def grip_ratio(self, hand: int) -> float:
+        """Return a hand's pull over that at which what it holds slips out; 0 where it cannot."""
+        holder = self.hands[hand]
+        if self._grip is None or holder.node is None or holder.instrument != "grasper":
+            return 0.0
+        return math.hypot(*self.forces[hand]) / self._grip
+
     def _slip(self) -> None:
         """Let tissue slip out of graspers that pull harder than they grip."""
         for number, hand in enumerate(self.hands):

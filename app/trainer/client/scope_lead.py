@@ -12,6 +12,7 @@ from app.classroom.photograph import photograph_of
 from app.simulation import (
     CLIP_OPENING,
     FIELD_OF_VIEW,
+    GRIP_N,
     HOLDING,
     TICK_SECONDS,
     TROCARS,
@@ -24,6 +25,7 @@ from app.simulation import (
     Structure,
     near_place,
     pointed_at,
+    turn_off,
     wall_offset,
 )
 from app.trainer.client.page_state import PageState
@@ -47,6 +49,8 @@ that close at once crush what has come between them."""
 STOPS_AT, INSISTS = 0.7, 0.03
 """Of a wall's break, from which on what strains it is led no further; and how much more than there
 is then each key or click allows."""
+GRIPS_AT = 0.9
+"""Of the pull at which tissue slips out of a grasper, from which on that pulls no harder."""
 RISES = 0.003
 """Of a wall's break in a tick, by which what a hand does strains it, whatever its force is."""
 GIVES_MM = 0.1
@@ -58,14 +62,16 @@ STOPPED = (
     "hand pulls (X leads it), and part elsewhere or less deep. Each click or key more goes 3 % "
     "nearer to the break."
 )
+HELD_BACK = (
+    f"A grasper holds {GRIP_N:g} N: pulled harder, tissue slips out of it. Part with the other "
+    "hand what holds the tissue back."
+)
 SEEN_TICKS = 30
 """Ticks after a stop, in which keys do nothing: they were pressed before it was seen."""
 JUDGED_TICKS = 15
 """Ticks after which what comes next is judged anew."""
 PARTS: frozenset[Instrument] = frozenset({"dissector", "right angle"})
 """Instruments whose jaws part tissue."""
-LEAST_ACROSS = 0.2
-"""Of a direction, across a shaft: along a shaft jaws part nothing, however they are turned."""
 COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
 """Instruments whose jaws come open."""
 SUCTION = 15.0
@@ -171,20 +177,15 @@ class ScopeLead:
 
     @property
     def turn_left(self) -> float | None:
-        """Angle by which the active hand's jaws are off those that the next step asks for, rad.
+        """Angle by which the active hand's jaws are to be turned for the next step, rad.
 
-        None where it asks for none, or the hand has none.
+        As `turn` takes it; None where the step asks for no direction, or not of this hand.
         """
         step, holder = self.next_step, self._state.hands[self.hand]
-        jawed = holder.instrument in PARTS and not self.leads_scope
-        if step is None or step.along is None or not jawed:
+        if step is None or step.along is None or self.leads_scope or step.hand != self.hand:
             return None
-        shaft, along = np.array(holder.aim), np.array(step.along)
-        along -= float(along @ shaft) * shaft  # jaws part across their shaft
-        size = float(np.sqrt((along * along).sum()))
-        if size < LEAST_ACROSS:
-            return None
-        return math.acos(min(1.0, abs(float(np.array(holder.spread) @ along)) / size))
+        jawed = holder.instrument in PARTS
+        return turn_off(self.hand, holder, np.array(step.along)) if jawed else None
 
     @property
     def to_part(self) -> tuple[int, ...]:
@@ -209,14 +210,14 @@ class ScopeLead:
     def to_ring(self) -> tuple[float, float, float] | None:
         """How far right, up and deep of the led tip the ring is, mm, as it is seen.
 
-        None where there is no ring, the scope is led or the hand holds something.
+        None where there is no ring for it, or the scope is led.
         """
-        ring, holder = self.ring, self._state.hands[self.hand]
-        if ring is None or self.leads_scope or holder.node is not None:
+        step, ring, holder = self.next_step, self.ring, self._state.hands[self.hand]
+        if step is None or ring is None or self.leads_scope or step.hand != self.hand:
             return None
         camera = self.held.camera
-        tip, place = (camera.axes.T @ (np.array(each) - camera.tip) for each in
-                      (holder.place, ring[:3]))  # fmt: skip
+        drawn = holder.place + wall_offset(self.session.spatial, self.hand)
+        tip, place = (camera.axes.T @ (np.array(each) - camera.tip) for each in (drawn, ring[:3]))
         # Both are compared at the tip's depth: there it is, right under the pointer.
         right, up = place[:2] * (tip[2] / place[2]) - tip[:2]
         return float(right), float(up), float(tip[2] - place[2])
@@ -353,16 +354,18 @@ class ScopeLead:
             holder = state.hands[hand]
             self._lead_jaws(hand, stops, TICK_SECONDS * ticks)
             if goal is None:
+                self._give_way(hand)
                 continue
             path = goal - holder.target
             far = math.sqrt(float((path * path).sum()))
             strains = float(path @ state.session.spatial.forces[hand]) > LEAST_PUSH_N * far
             before = self._stopped[hand]
             again = before is not None and float((path * before).sum()) > 0.0
-            if stops and far > 0.0 and (strains or rises or again):
+            slips = strains and self._nears_slip(hand)
+            if far > 0.0 and (slips or (stops and (strains or rises or again))):
                 self._goals[hand], self._stopped[hand] = None, path
                 state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
-                self._say_stopped()
+                self._say_stopped(slips)
                 continue
             most = self._speed(holder, strains) * TICK_SECONDS * ticks
             if far <= most:
@@ -378,6 +381,18 @@ class ScopeLead:
             self._stops_at = STOPS_AT
         return ratio > self._stops_at and self._state.figures_visible
 
+    def _nears_slip(self, hand: int) -> bool:
+        """Return whether a hand pulls nearly as hard as it grips: no force is felt here."""
+        ratio = self.session.spatial.grip_ratio(hand)
+        return ratio > GRIPS_AT and self._state.figures_visible
+
+    def _give_way(self, hand: int) -> None:
+        """Let a hand go after what it holds before that slips out of it."""
+        if self._nears_slip(hand):
+            pull = np.array(self.session.spatial.forces[hand])
+            place = self._state.hands[hand].target - pull * (GIVES_MM / math.hypot(*pull))
+            self.session.move_hand(hand, place)
+
     def _insist(self) -> None:
         """Let a wall come a little nearer to its break than it is, if it is near."""
         self._stops_at = max(STOPS_AT, self.session.spatial.stress_ratio + INSISTS)
@@ -390,8 +405,11 @@ class ScopeLead:
         self._insist()
         return True
 
-    def _say_stopped(self) -> None:
+    def _say_stopped(self, slips: bool = False) -> None:
         self._stopped_at = self.session.spatial.ticks
+        if slips:
+            self._state.refuse(HELD_BACK, "Stopped: the grasper nears its grip")
+            return
         wall = tube_title(self.session.spatial.most_stressed)
         self._state.refuse(STOPPED, f"Stopped: the {wall} nears its break")
 

@@ -15,7 +15,16 @@ from app.anatomy import (
     shipped_anatomies,
     tube_title,
 )
-from app.simulation import HOLDING, Incident, Instrument, Reading, RunFile, seen_beside
+from app.simulation import (
+    GRIP_N,
+    HOLDING,
+    IN_RING_MM,
+    Incident,
+    Instrument,
+    Reading,
+    RunFile,
+    seen_beside,
+)
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import SceneName
 from app.trainer.client.scope_lead import HOLDS_MM_S, ScopeLead
@@ -336,9 +345,11 @@ class ScopePanel:
         if self._lead.leads_scope:
             return [("Led", "the scope"), ("Tip", "-")]
         name, place = "Tip", "-"
-        to_ring = self._lead.to_ring
+        step, to_ring = self._lead.next_step, self._lead.to_ring
         if to_ring is not None:
             name, place = "To the ring", _moves(to_ring)
+        elif step is not None and step.hand is not None and step.hand != hand:
+            name, place = "Next", f"lead the {HANDS[step.hand].lower()} (X)"
         elif holder.node is not None:
             place = f"holds the {tube_title(tissue.tubes.names[holder.tube])}"
         elif self._state.figures_visible:  # a picture of one eye does not tell how deep a tip is
@@ -349,13 +360,19 @@ class ScopePanel:
         touched = 0 if holder.instrument in HOLDING else tissue.touched(hand)
         if touched and self._state.figures_visible:
             led = f"{led}, {touched} strands"
+        grip = tissue.grip_ratio(hand)
+        if grip and self._state.figures_visible:
+            led = f"{led}, {GRIP_N * grip:.1f} of {GRIP_N:.0f} N"
         return [("Led", led), (name, place)]
 
     @property
     def _to_turn(self) -> str:
         """How far the led jaws are off what the next step asks for."""
         off = self._lead.turn_left
-        return "-" if off is None else f"{math.degrees(off):.0f}° (J or L)"
+        if off is None:
+            return "-"
+        turned = round(math.degrees(abs(off)))
+        return f"{turned}° ({'L' if off > 0.0 else 'J'})" if turned else "as the bar"
 
     def _standing(self, reading: Reading) -> str:
         """Return what a screen reader says of the tissue."""
@@ -455,13 +472,15 @@ class ScopePanel:
 
 def _moves(to_ring: tuple[float, float, float]) -> str:
     """Return how to move a tip right, up and deep, mm, in words."""
+    if math.hypot(*to_ring) < IN_RING_MM:
+        return "in it"
     names = ("right", "left"), ("up", "down"), ("deeper", "nearer")
     out = [
-        f"{abs(far):.0f} mm {more if far > 0.0 else less}"
+        f"{abs(far):.0f} {more if far > 0.0 else less}"
         for far, (more, less) in zip(to_ring, names, strict=True)
         if round(abs(far)) > 0
     ]
-    return ", ".join(out) or "in it"
+    return f"{', '.join(out)} (mm)"
 
 
 def _text() -> str:

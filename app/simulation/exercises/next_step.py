@@ -1,0 +1,93 @@
+"""What an exercise of a critical view asks for next, in words of at most 25."""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.anatomy import tube_title
+from app.simulation.exercises.critical_view import Closing
+
+__all__ = [
+    "AS_IT_CAME", "BACK", "CLOSE", "DRAW_ASIDE", "DRAW_OFF", "LET_GO", "LIFT", "OPEN", "OPENS",
+    "PART", "PASS", "SLACKEN", "TAKE_HOLD", "TURN", "UNDER", "WITHDRAW", "NextStep", "Where",
+    "closing_step",
+]  # fmt: skip
+
+Where = Literal["between", "deep", "under", "behind", "plate"]
+PART: dict[Where, str] = {
+    "between": "Next: part the tissue between {} and {}: lead the right hand's {} into the ring, "
+    "jaws (J, L) along its bar.",
+    "deep": "Next: part the deep tissue between {} and {}: right hand's {} into the ring, tip "
+    "(J, L) along its bar.",
+    "under": "Next: part the tissue under the {}: lead the right hand's {} into the ring, jaws "
+    "(J, L) along its bar.",
+    "behind": "Next: part the tissue behind the {}: lead the right hand's {} into the ring, tip "
+    "(J, L) along its bar.",
+    "plate": "Next: part the {} from the liver: lead the right hand's {} into the ring, jaws "
+    "(J, L) along its bar.",
+}
+"""Where to bring jaws, by where what they part is of the tubes that it holds."""
+PASS: dict[Where, str] = {
+    "deep": "Next: lead the right hand's {} along its tip between {} and {}, into the ring.",
+    "behind": "Next: pass the right hand's {} along its tip behind the {}, into the ring.",
+}
+"""Where to pass a bent tip then."""
+TURN = "Next: turn the right hand's {} (J, L) until it lies along the ring's bar."
+OPEN = "Next: open the right hand's {} (G): its jaws part what lies in the ring."
+OPENS = "Next: the right hand's {} opens; wait until its jaws stand still."
+UNDER = (
+    "Next: lead the right hand's open {} under the {}, slowly, until its tip is in the ring or "
+    "stops."
+)
+CLOSE = "Next: close the right hand's {} (G)."
+AS_IT_CAME = "Next: lead the right hand's {} back as it came, into the ring."
+BACK = "Next: draw the right hand's {} out of the tissue, towards you (wheel)."
+TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
+DRAW_ASIDE = (
+    "Next: draw the {} aside with the left hand's grasper, slowly, until its tip is in the ring or "
+    "stops."
+)
+DRAW_OFF = (
+    "Next: draw the {} off the liver with the left hand's grasper, slowly, until its tip is in the "
+    "ring or stops."
+)
+LIFT = (
+    "Next: lift the {} with the left hand's grasper, slowly, until its tip is in the ring or stops."
+)
+LET_GO = "Next: let go of the {} with the left hand's grasper (G)."
+SLACKEN = "Next: let the {} back a little with the left hand's grasper: the {} is strained."
+WITHDRAW = "Next: draw the right hand's {} back a little, as it came: it strains the {}."
+MARK = "Next: mark the {}: choose it under Point at, and press it in the picture (K, then G)."
+CLIP = (
+    "Next: clip the {} {} the gallbladder, clip applier in the right hand; turn (J, L) a jaw to "
+    "either side."
+)
+DIVIDE = (
+    "Next: divide the {} between its clips, {} to stay and {} to go, scissors in the right hand."
+)
+
+
+class NextStep(NamedTuple):
+    """What an exercise asks for next."""
+
+    words: str
+    strands: NDArray[np.int64]  # that it is about; none once there is nothing to part
+    along: tuple[float, float, float] | None = None  # direction in which jaws part them
+    place: tuple[float, float, float] | None = None  # mm, where to the hand's tip is led
+    hand: int | None = None  # that does it; None for either
+
+
+def closing_step(closings: Sequence[Closing], stay: int, go: int) -> str:
+    """Return what to do next with the first structure that is not yet closed; empty if all are."""
+    for each in closings:
+        name, clips = tube_title(each.tube), each.stay + each.go
+        if not each.marked:
+            return MARK.format(name)
+        if each.divided:
+            continue
+        if clips < stay + go:
+            return CLIP.format(name, "away from" if clips < stay else "beside")
+        return DIVIDE.format(name, stay, go)
+    return ""

@@ -1,0 +1,201 @@
+"""What is asked for of jaws at one place: to come, part, close and withdraw (docs/scope.md)."""
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.anatomy import tube_title
+from app.simulation.exercises.next_step import (
+    AS_IT_CAME,
+    BACK,
+    CLOSE,
+    OPEN,
+    OPENS,
+    PART,
+    PASS,
+    TURN,
+    UNDER,
+    WITHDRAW,
+    NextStep,
+)
+from app.simulation.inputs.hand import Hand
+from app.simulation.inputs.inputs import Instrument
+from app.simulation.inputs.trocar import TROCARS
+from app.simulation.tissue.parting import PartingPlaces, Site
+from app.simulation.tissue.spatial_tissue import SpatialTissue
+
+__all__ = ["IN_RING_MM", "RIGHT", "TAUT", "JawSteps", "three", "turn_off"]
+
+Floats = NDArray[np.float64]
+Three = tuple[float, float, float]
+
+RIGHT = 1
+"""Number of the hand that has jaws."""
+MOST_STRAINED = 1
+"""How often a wall may be too taut at a place."""
+TAUT = 0.6
+"""Of a wall's break, from which on jaws are led no further."""
+IN_RING_MM, LEFT_MM = 2.0, 5.0
+"""mm off a ring's middle, within which a tip is in it, and from which on it has left it."""
+TURNED = math.radians(20.0)
+"""Off a ring's bar, within which jaws lie along it."""
+LEAST_ACROSS = 0.2
+"""Of a direction, across a shaft: along a shaft jaws part nothing, however they are turned."""
+MOVES_MM = 0.2
+"""By which jaws part between two judgements while they open."""
+
+State = Literal["to come", "beside", "opening", "open", "to close", "closed", "to withdraw"]
+
+
+class JawSteps:
+    """How far the right hand's jaws have come at a place, and what is next there."""
+
+    def __init__(self, tissue: SpatialTissue, places: PartingPlaces, site: Site) -> None:
+        self._tissue, self._places, self.site = tissue, places, site
+        self._tool: Instrument = "dissector" if site.beside is None else "right angle"
+        self._state: State = "to come"
+        self._opening = 0.0  # mm, at the last judgement
+        self.strained = 0
+        """How often a wall was too taut meanwhile."""
+
+    @property
+    def begun(self) -> bool:
+        """Whether jaws have opened here."""
+        return self._state not in {"to come", "beside"}
+
+    @property
+    def strained_often(self) -> bool:
+        """Whether a wall was too taut here more often than it may be."""
+        return self.strained > MOST_STRAINED
+
+    @property
+    def strands(self) -> NDArray[np.int64]:
+        """The strands that are asked for."""
+        strands = self.site.strands
+        return strands[self._tissue.beam.damage[strands] < 1.0]
+
+    @property
+    def is_over(self) -> bool:
+        """Whether jaws have left the place, and need not come back."""
+        hand, place = self._hand, self._place
+        moves = [each for each in (self.site.through, self.site.beside) if each is not None]
+        places = [place, *(place + each for each in moves)]
+        if hand is not None and min(math.dist(hand.place, each) for each in places) < LEFT_MM:
+            return False
+        if not self.begun:
+            return self.strained_often or not self._places.left(self.site)
+        return hand is None or not hand.opening
+
+    @property
+    def tried(self) -> bool:
+        """Whether the place is to be asked for less from now on."""
+        return self.begun or self.strained_often
+
+    def follow(self) -> None:
+        """Note how far the jaws have come."""
+        hand, site, place = self._hand, self.site, self._place
+        if hand is None:
+            return
+        opens, self._opening = hand.opening > self._opening + MOVES_MM, hand.opening
+        if not self.begun:
+            if hand.opening and math.dist(hand.place, place) < LEFT_MM:
+                self._state = "opening"
+            elif site.beside is not None and self._is_at(self._beside):
+                self._state = "beside"
+        elif not hand.opening:
+            back = site.beside is None or math.dist(hand.place, self._beside) < IN_RING_MM
+            self._state = "to withdraw" if back or self._state == "to withdraw" else "closed"
+        elif self._state in {"opening", "open"}:
+            through = site.through
+            led = through is None or math.dist(hand.place, place + through) < IN_RING_MM
+            led |= self._tissue.stress_ratio > TAUT
+            self._state = "opening" if opens else "to close" if led else "open"
+
+    def next_step(self) -> NextStep:
+        """Return what is to be done next."""
+        site, tool, hand = self.site, self._tool, self._hand
+        names, ends = self._tissue.tubes.names, self._tissue.tubes.strands
+        numbers: list[int] = [int(ends.tubes[site.anchor]), int(ends.to[site.anchor])]
+        titles = [tube_title(names[each]) for each in numbers if each >= 0]
+        if self._state == "open" and site.through is not None:
+            return self._step(UNDER.format(tool, titles[0]), self._place + site.through)
+        if self._state == "closed":
+            return self._step(AS_IT_CAME.format(tool), self._beside)
+        if self.begun:
+            words = {"opening": OPENS, "to close": CLOSE}.get(self._state, BACK)
+            return self._step(words.format(tool))
+        beside = self._state == "beside"
+        place = self._place if beside else self._beside
+        if hand is not None and math.dist(hand.place, place) < IN_RING_MM:
+            words = (OPEN if self._is_at(place) else TURN).format(tool)
+        elif beside:
+            words = PASS[site.where].format(tool, *titles)
+        else:
+            words = PART[site.where].format(*titles, tool)
+        return self._step(words, place)._replace(along=three(site.along))
+
+    def withdrawn(self, wall: str) -> NextStep:
+        """Return that the jaws strain a wall, and where they go then."""
+        # A bent tip that has passed behind something goes back as it came.
+        passed = self.site.beside is not None and self._state not in {"to come", "to withdraw"}
+        return self._step(WITHDRAW.format(self._tool, wall), self._beside if passed else None)
+
+    def _step(self, words: str, place: Floats | None = None) -> NextStep:
+        at = None if place is None else three(place)
+        return NextStep(words, self.strands, place=at, hand=RIGHT)
+
+    @property
+    def _place(self) -> Floats:
+        """(3,) mm where the jaws open."""
+        return self._places.place_of(self.site)
+
+    @property
+    def _beside(self) -> Floats:
+        """(3,) mm where they come from: that place itself, but for a bent tip."""
+        return self._place if self.site.beside is None else self._place + self.site.beside
+
+    @property
+    def _hand(self) -> Hand | None:
+        """The right hand, if it has what parts the tissue here."""
+        hand = self._tissue.hands[RIGHT]
+        return hand if hand.instrument == self._tool else None
+
+    def _is_at(self, place: Floats) -> bool:
+        """Return whether the right hand's tip is in a ring, turned along its bar."""
+        hand = self._tissue.hands[RIGHT]
+        turn = turn_off(RIGHT, hand, self.site.along)
+        there = math.dist(hand.place, place) < IN_RING_MM
+        return there and (turn is None or abs(turn) < TURNED)
+
+
+def turn_off(number: int, hand: Hand, along: Floats) -> float | None:
+    """Return by which angle a hand's jaws are to be turned about their shaft, rad.
+
+    Parameters
+    ----------
+    number, hand
+        The hand, whose trocar the shaft goes through.
+    along
+        (3,) direction in which jaws are to part, or from a bent tip's end back.
+
+    Returns
+    -------
+    float or None
+        From -pi/2 to pi/2, as jaws part either way; of a bent tip from -pi to pi. None where the
+        shaft lies along the direction.
+    """
+    shaft, bent = TROCARS[number].shaft(hand.place), hand.instrument == "right angle"
+    now = np.array(hand.aim if bent else hand.spread)
+    across = along - float(along @ shaft) * shaft  # jaws part across their shaft
+    if float(across @ across) < LEAST_ACROSS**2:
+        return None
+    angle = math.atan2(float(shaft @ np.cross(now, across)), float(now @ across))
+    return angle if bent else math.remainder(angle, math.pi)
+
+
+def three(values: Floats) -> Three:
+    """Return three numbers of an array."""
+    x, y, z = values.tolist()
+    return x, y, z

@@ -1,0 +1,233 @@
+"""Where jaws part best what a part of the critical view lacks (docs/scope.md).
+
+Strands of one group are asked for: those between two tubes, or from a tube to the bed. Jaws part
+them where they have room: beside a wall they press on the wall. So each of them is weighed by how
+many others are near and how far the next wall is, seen from the front; and less, each time that
+jaws have opened there before. The tip goes a little behind them, so that shafts push them, and not
+tips.
+"""
+
+import math
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.simulation.exercises.critical_view import OPENED, SOME, CriticalView, Part
+from app.simulation.exercises.next_step import Where
+from app.simulation.tissue.safety import Safety
+
+__all__ = ["PartingPlaces", "Site"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+DEEP_MM = 0.5
+"""How far behind both tubes' axes what holds between them lies, from which on a straight instrument
+does not reach it."""
+NEAR_MM, LEAST_ROOM_MM, ROOM_MM, PAST_MM = 4.0, 0.5, 3.0, 2.0
+"""mm within which strands are parted at once; from a wall, from which on jaws have room and beyond
+which they need no more; and of a tip behind the strands."""
+BESIDE_MM, UNDER_MM, ACROSS_MM = 5.0, 3.0, 6.0
+"""mm beside and behind a tube's axis, where jaws open that are led under it; and how far they are
+led."""
+BENT_PAST_MM = 2.0
+"""mm beyond a tube's axis, to which a bent tip passes behind it."""
+AGAIN, FORGOTTEN = 0.3, 60
+"""Weight of a place where jaws have been; and strands that part until it has its whole weight
+again."""
+LEFT_OVER = 0.25
+"""Of the strands near a place, up to which nothing is left to part there."""
+
+
+class Site(NamedTuple):
+    """Strands that are asked for, where they are parted and in which direction."""
+
+    where: Where
+    strands: Ints  # all of the group
+    near: Ints  # those that are parted there at once
+    anchor: int  # the strand with which the place goes
+    weight: float
+    offset: Floats  # (3,) mm, from the anchor's middle
+    along: Floats  # (3,) along which jaws part, or a bent tip's direction, from its end back
+    through: Floats | None  # (3,) mm, how open jaws are led on from there, if they are
+    beside: Floats | None  # (3,) mm, from there to where a bent tip comes from, if it is
+
+
+def _weight(site: Site) -> float:
+    return site.weight
+
+
+class PartingPlaces:
+    """The places in a tissue where jaws part what its critical view lacks."""
+
+    def __init__(self, safety: Safety) -> None:
+        self._safety, self._tissue = safety, safety.tissue
+        # Where jaws have been, (3,) mm, and the strands that had parted then.
+        self._tried = list[tuple[Floats, int]]()
+
+    def best(self, view: CriticalView, part: Part) -> Site | None:
+        """Return where jaws part next what a part of the view lacks; None if nothing holds it."""
+        lacking = np.flatnonzero(self._safety.lacking(part) & self._whole)
+        if part == "triangle":
+            lacking = self._in_reach(view, lacking)
+        broken = self._tissue.beam.broken
+        self._tried = [each for each in self._tried if broken - each[1] < FORGOTTEN]
+        sites = (self._site(view, group) for group in self._groups(lacking))
+        return max(sites, key=_weight, default=None)
+
+    def place_of(self, site: Site) -> Floats:
+        """(3,) mm where jaws open, as the tissue lies now."""
+        return self._middles(np.array([site.anchor]))[0] + site.offset
+
+    def left(self, site: Site) -> bool:
+        """Return whether there is still something to part."""
+        return int(self._whole[site.near].sum()) > LEFT_OVER * site.near.size
+
+    def note_tried(self, site: Site) -> None:
+        """Weigh a place less from now on: jaws have opened there."""
+        self._tried.append((self.place_of(site) - site.offset, self._tissue.beam.broken))
+
+    @property
+    def _whole(self) -> NDArray[np.bool_]:
+        return self._tissue.beam.damage < 1.0
+
+    def _in_reach(self, view: CriticalView, which: Ints) -> Ints:
+        """Return those of the triangle's strands that are parted before others, if any are."""
+        # A dissector parts what is between tubes first, then what is under the cystic duct.
+        strands, cystic = self._tissue.tubes.strands, self._safety.cystic
+        first = strands.to[which] >= 0
+        if view.triangle >= OPENED:
+            first |= strands.tubes[which] == self._tissue.tubes.names.index(cystic)
+        return which[first] if view.triangle < SOME and first.any() else which
+
+    def _groups(self, which: Ints) -> list[Ints]:
+        """Return strands by the two tubes that they hold."""
+        strands = self._tissue.tubes.strands
+        # A number of both ends, whichever of them it grows from.
+        of, to = strands.tubes[which], strands.to[which]
+        ends = np.maximum(of, to) * len(self._tissue.tubes.names) + np.minimum(of, to) + 1
+        return [which[ends == each] for each in np.unique(ends)]
+
+    def _site(self, view: CriticalView, group: Ints) -> Site:
+        """Return where to part a group of strands, and how."""
+        strands, names = self._tissue.tubes.strands, self._tissue.tubes.names
+        ends = strands.tubes[group[0]], strands.to[group[0]]
+        where = self._where(view, [names[each] for each in ends if each >= 0], group)
+        middles, through, beside = self._middles(group), None, None
+        places, tangents = self._beside(group) if where == "under" else (middles, middles)
+        at, weight = self._weighed(places, middles)
+        near = ((middles - middles[at]) ** 2).sum(axis=1) < NEAR_MM**2
+        anchor, place = group[at : at + 1], places[at].copy()
+        if where == "under":
+            along, through = tangents[at], self._axis(anchor)[0] - place
+            through *= ACROSS_MM / math.hypot(*through[:2])
+            through[2] = 0.0
+        elif where == "behind":
+            along = self._free_side(anchor)
+            place = self._axis(anchor)[0] - BENT_PAST_MM * along - [0.0, 0.0, UNDER_MM]
+        else:
+            # Strands of one pair all lead from one tube to the other, but some the other way round.
+            along = _main_direction((strands.feet[group] - strands.ends[group])[near])
+            place[2] = middles[near, 2].mean() - (0.0 if where == "deep" else PAST_MM)
+            along = self._roomy_side(place, along) if where == "deep" else along
+        if where in {"behind", "deep"}:
+            beside = BESIDE_MM * along
+        offset = place - middles[at]
+        return Site(
+            where, group, group[near], int(group[at]), weight, offset, along, through, beside
+        )
+
+    def _free_side(self, which: Ints) -> Floats:
+        """(3,) from which side a bent tip passes behind a strand's tube: away from the duct."""
+        axis, along = self._axis(which)[0], (self._axis(which, 0.5) - self._axis(which, -0.5))[0]
+        side = np.array([along[1], -along[0], 0.0]) / math.hypot(*along[:2])
+        beam = self._tissue.beam
+        common = beam.places[beam.nodes_of(self._safety.common)]
+        off = axis - common[((common - axis) ** 2).sum(axis=1).argmin()]
+        return side if float(off @ side) > 0.0 else -side
+
+    def _roomy_side(self, place: Floats, along: Floats) -> Floats:
+        """(3,) from which side, across a direction, a bent tip comes to a place."""
+        side = np.array([along[1], -along[0], 0.0]) / math.hypot(*along[:2])
+        room = self._room(np.array([place + BESIDE_MM * side, place - BESIDE_MM * side]))
+        return side if room[0] > room[1] else -side
+
+    def _where(self, view: CriticalView, names: list[str], strands: Ints) -> Where:
+        """Return where strands are, of the tubes that they hold or of the one that is held."""
+        bent = view.triangle >= SOME  # before that a dissector does
+        if len(names) > 1:
+            return "deep" if bent and self._in_front[strands].mean() < -DEEP_MM else "between"
+        if names[0] == self._safety.gallbladder:
+            return "plate"
+        return "behind" if bent else "under"
+
+    def _middles(self, which: Ints) -> Floats:
+        """(S, 3) mm where the middles of some strands are now: each end goes with its tube."""
+        tubes, beam = self._tissue.tubes, self._tissue.beam
+        strands = tubes.strands
+        places = 0.5 * (strands.ends[which] + strands.feet[which])
+        for number, (name, tube) in enumerate(tubes.network.tubes.items()):
+            for of, at in ((strands.tubes, strands.stations), (strands.to, strands.to_stations)):
+                own = of[which] == number
+                if own.any():
+                    stations = at[which][own]
+                    moved = beam.places_at(stations, name) - tube.places_at(stations)[0]
+                    places[own] += 0.5 * moved
+        return places
+
+    def _axis(self, which: Ints, further: float = 0.0) -> Floats:
+        """(S, 3) mm where the axis of strands' tube is where they hold it, or further along it."""
+        strands = self._tissue.tubes.strands
+        name = self._tissue.tubes.names[strands.tubes[which[0]]]
+        return self._tissue.beam.places_at(strands.stations[which] + further, name)
+
+    def _beside(self, which: Ints) -> tuple[Floats, Floats]:
+        """(S, 3) mm where to open jaws that are led under strands' tube, and (S, 3) along it."""
+        axis, along = self._axis(which), self._axis(which, 0.5) - self._axis(which, -0.5)
+        along /= np.sqrt((along**2).sum(axis=1))[:, None]
+        triangle = np.flatnonzero(self._safety.lacking("triangle"))
+        inwards = self._middles(triangle).mean(axis=0) - axis
+        side = np.stack([along[:, 1], -along[:, 0], np.zeros(which.size)], axis=1)
+        side /= np.sqrt((side**2).sum(axis=1))[:, None]
+        side *= np.where((side * inwards).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+        return axis + BESIDE_MM * side - np.array([0.0, 0.0, UNDER_MM]), along
+
+    def _weighed(self, places: Floats, middles: Floats) -> tuple[int, float]:
+        """Return which of some places, (S, 3) mm, has most others near and room, and its weight."""
+        room = self._room(places)
+        apart = ((places[:, None] - places[None]) ** 2).sum(axis=2)
+        near = (apart < NEAR_MM**2).sum(axis=1)
+        weights = near * np.clip(room - LEAST_ROOM_MM, 0.1, ROOM_MM - LEAST_ROOM_MM)
+        for place, _ in self._tried:
+            weights[((middles - place) ** 2).sum(axis=1) < NEAR_MM**2] *= AGAIN
+        at = int(weights.argmax())
+        return at, float(weights[at])
+
+    def _room(self, places: Floats) -> Floats:
+        """(S,) mm from places, (S, 3), to the next wall, seen from the front."""
+        room = np.full(len(places), math.inf)
+        beam = self._tissue.beam
+        for name, tube in self._tissue.tubes.network.tubes.items():
+            nodes = beam.places[beam.nodes_of(name)]
+            off = np.hypot(*(places[:, None, :2] - nodes[None, :, :2]).transpose(2, 0, 1))
+            room = np.minimum(room, (off - tube.radius).min(axis=1))
+        return room
+
+    @cached_property
+    def _in_front(self) -> Floats:
+        """How far the middle of each strand between tubes is in front of both axes, (S,) mm."""
+        tubes, strands = self._tissue.tubes.network.tubes, self._tissue.tubes.strands
+        axes = np.zeros((2, strands.count))
+        for number, tube in enumerate(tubes.values()):
+            for row, of, at in (
+                (0, strands.tubes, strands.stations), (1, strands.to, strands.to_stations),
+            ):  # fmt: skip
+                axes[row, of == number] = tube.places_at(at[of == number])[0][:, 2]
+        return 0.5 * (strands.ends[:, 2] + strands.feet[:, 2]) - axes.mean(axis=0)
+
+
+def _main_direction(paths: Floats) -> Floats:
+    """(3,) the direction in which most of some paths, (S, 3), lead, either way."""
+    return np.linalg.svd(paths, full_matrices=False)[2][0]
