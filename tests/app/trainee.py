@@ -268,7 +268,7 @@ class Trainee:
         elif "along its tip" in words or "as it came, into" in words:
             assert place is not None
             self.to(place)
-        elif "until its tip" in words:
+        elif "follow the ring" in words or "until its tip" in words:
             assert place is not None
             if words != before:
                 self._begun = self.tip.copy()

@@ -51,17 +51,17 @@ class CriticalView:
         ]
 
     @property
-    def next_part(self) -> Part | None:
-        """What to free next, what is easiest first; None once each part has all its points."""
+    def next_parts(self) -> list[Part]:
+        """What to free next, what is easiest first; none once each part has all its points."""
         # All of the plate and `SOME` of the triangle are in a dissector's reach, `OPENED` before
         # the plate; for the rest the right angle goes behind tubes.
         if self.triangle < OPENED:
-            return "triangle"
+            return ["triangle"]
         asked: list[tuple[Part, int]] = [
             ("plate", self.plate_freed), ("triangle", self.triangle_cleared),
             ("tubes", self.two_structures),
         ]  # fmt: skip
-        return next((part for part, points in asked if points < MOST_POINTS // 3), None)
+        return [part for part, points in asked if points < MOST_POINTS // 3]
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,19 +45,14 @@ CLOSE = "Next: close the right hand's {} (G)."
 AS_IT_CAME = "Next: lead the right hand's {} back as it came, into the ring."
 BACK = "Next: draw the right hand's {} out of the tissue, towards you (wheel)."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
-DRAW_ASIDE = (
-    "Next: draw the {} aside with the left hand's grasper, slowly, until its tip is in the ring or "
-    "stops."
-)
-DRAW_OFF = (
-    "Next: draw the {} off the liver with the left hand's grasper, slowly, until its tip is in the "
-    "ring or stops."
-)
-LIFT = (
-    "Next: lift the {} with the left hand's grasper, slowly, until its tip is in the ring or stops."
-)
+DRAW_ASIDE = "Next: draw the {} aside with the left hand's grasper: follow the ring, slowly."
+DRAW_OFF = "Next: draw the {} off the liver with the left hand's grasper: follow the ring, slowly."
+LIFT = "Next: lift the {} with the left hand's grasper: follow the ring, slowly."
 LET_GO = "Next: let go of the {} with the left hand's grasper (G)."
-SLACKEN = "Next: let the {} back a little with the left hand's grasper: the {} is strained."
+SLACKEN = (
+    "Next: let the {} back with the left hand's grasper until Highest stress is under 45 %: the {} "
+    "is strained."
+)
 WITHDRAW = "Next: draw the right hand's {} back a little, as it came: it strains the {}."
 MARK = "Next: mark the {}: choose it under Point at, and press it in the picture (K, then G)."
 CLIP = (

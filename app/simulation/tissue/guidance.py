@@ -5,6 +5,7 @@ a place, opened, closed and withdrawn. Only what strains a wall comes before it.
 """
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -46,6 +47,9 @@ STAGES, STAGE_MM = 3, 3.0
 """In which it is drawn, and mm of each."""
 MOST_TRIES = 3
 """Places that jaws have been at, after which the gallbladder is drawn otherwise."""
+MOST_FAILED, FEW = 2, 5
+"""How often little may part for one part of the view until another is asked for, and how few
+strands are little."""
 EASED = 0.45
 """Of a wall's break, to which what pulls is slackened once it is over `TAUT`."""
 GRIPPED = 0.85
@@ -94,6 +98,7 @@ class Guidance:
         self._held_for: _Pull | None = None  # what it was drawn for by the hold that goes on
         self._draws = 0  # off the liver
         self._tries = 0  # places that were tried since it was drawn or let go
+        self._failed = Counter[Part]()  # how often little has parted, one time after the other
         self._strains: int | None = None  # the hand that strains a wall
         self._places_then = self._hand_places  # at the last judgement
 
@@ -106,10 +111,16 @@ class Guidance:
         if viewed:
             words = closing_step(self._safety.closings(), goal.stay, goal.go)
             return NextStep(words, np.zeros(0, dtype=np.int64)) if words else None
-        part = view.next_part
-        if part is None:
+        if not view.next_parts:
             return None
-        self._follow(part)
+        self._follow()
+        # Where little parts, another part of the view is asked for, and that one again later.
+        part = min(view.next_parts, key=lambda each: self._failed[each] // MOST_FAILED)
+        if part != self._part:
+            self._part = part
+            # Jaws that are open are closed first.
+            if self._jaws is not None and not self._jaws.begun:
+                self._jaws = None
         strained = self._strained()
         if strained is not None:
             return strained
@@ -123,21 +134,20 @@ class Guidance:
         step = None if self._pulling is None else self._pull_step(self._pulling)
         return self._jaws.next_step() if step is None else step
 
-    def _follow(self, part: Part) -> None:
+    def _follow(self) -> None:
         """Note what hands have done, and what is asked for no more."""
         if self._holder is None:
             self._held_for = None
-        jaws, before, self._part = self._jaws, self._part, part
+        jaws = self._jaws
         if jaws is None:
             return
         jaws.follow()
         if jaws.is_over:
             self._jaws = None
-            if jaws.tried:
+            if jaws.tried and self._part is not None:
                 self._places.note_tried(jaws.site)
                 self._tries += 1
-        elif part != before and not jaws.begun:  # jaws that are open are closed first
-            self._jaws = None
+                self._failed[self._part] = 0 if jaws.parted > FEW else self._failed[self._part] + 1
 
     # The gallbladder
 

@@ -35,8 +35,8 @@ RIGHT = 1
 """Number of the hand that has jaws."""
 MOST_STRAINED = 1
 """How often a wall may be too taut at a place."""
-TAUT = 0.6
-"""Of a wall's break, from which on jaws are led no further."""
+TAUT, STOPPED = 0.6, 0.7
+"""Of a wall's break, from which on jaws are led no further, and are closed."""
 IN_RING_MM, LEFT_MM = 2.0, 5.0
 """mm off a ring's middle, within which a tip is in it, and from which on it has left it."""
 TURNED = math.radians(20.0)
@@ -57,6 +57,7 @@ class JawSteps:
         self._tool: Instrument = "dissector" if site.beside is None else "right angle"
         self._state: State = "to come"
         self._opening = 0.0  # mm, at the last judgement
+        self._broken = tissue.beam.broken
         self.strained = 0
         """How often a wall was too taut meanwhile."""
 
@@ -89,6 +90,11 @@ class JawSteps:
         return hand is None or not hand.opening
 
     @property
+    def parted(self) -> int:
+        """The strands that have parted since the place was asked for."""
+        return self._tissue.beam.broken - self._broken
+
+    @property
     def tried(self) -> bool:
         """Whether the place is to be asked for less from now on."""
         return self.begun or self.strained_often
@@ -111,6 +117,7 @@ class JawSteps:
             through = site.through
             led = through is None or math.dist(hand.place, place + through) < IN_RING_MM
             led |= self._tissue.stress_ratio > TAUT
+            opens &= self._tissue.stress_ratio < STOPPED
             self._state = "opening" if opens else "to close" if led else "open"
 
     def next_step(self) -> NextStep:
