@@ -98,7 +98,7 @@ from app.simulation.specimen.tear import (
 from app.simulation.specimen.tubes import Tubes
 from app.simulation.tissue.guidance import Guidance
 from app.simulation.tissue.held_pull import pull_and_hold
-from app.simulation.tissue.jaw_steps import IN_RING_MM, turn_off
+from app.simulation.tissue.jaw_steps import IN_RING_MM, STOPS_AT, turn_off
 from app.simulation.tissue.planar_tissue import PlanarTissue
 from app.simulation.tissue.reached_tube import (
     REACH,
@@ -159,6 +159,7 @@ __all__ = [
     "PIECES",
     "REACH",
     "SETTLED_SECONDS",
+    "STOPS_AT",
     "STRUCTURES",
     "SWAB_RADIUS",
     "THESIS_PRESET",

@@ -50,8 +50,8 @@ DRAW_OFF = "Next: draw the {} off the liver with the left hand's grasper: follow
 LIFT = "Next: lift the {} with the left hand's grasper: follow the ring, slowly."
 LET_GO = "Next: let go of the {} with the left hand's grasper (G)."
 SLACKEN = (
-    "Next: let the {} back with the left hand's grasper until Highest stress is under 45 %: the {} "
-    "is strained."
+    "Next: let the {} back with the left hand's grasper until Highest stress is under {:.0f} %: "
+    "the {} is strained."
 )
 WITHDRAW = "Next: draw the right hand's {} back a little, as it came: it strains the {}."
 MARK = "Next: mark the {}: choose it under Point at, and press it in the picture (K, then G)."

@@ -249,7 +249,8 @@ class Guidance:
         # What is taut again and again is not held while the other hand withdraws.
         if self._jaws is not None and self._jaws.strained_often:
             return NextStep(LET_GO.format(held), self._strands, hand=LEFT)
-        return NextStep(SLACKEN.format(held, wall), self._strands, hand=LEFT)
+        words = SLACKEN.format(held, 100.0 * EASED, wall)
+        return NextStep(words, self._strands, hand=LEFT)
 
     @property
     def _hand_places(self) -> Floats:

@@ -26,7 +26,7 @@ from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.spatial_tissue import SpatialTissue
 
-__all__ = ["IN_RING_MM", "RIGHT", "TAUT", "JawSteps", "three", "turn_off"]
+__all__ = ["IN_RING_MM", "RIGHT", "STOPS_AT", "TAUT", "JawSteps", "three", "turn_off"]
 
 Floats = NDArray[np.float64]
 Three = tuple[float, float, float]
@@ -35,8 +35,8 @@ RIGHT = 1
 """Number of the hand that has jaws."""
 MOST_STRAINED = 1
 """How often a wall may be too taut at a place."""
-TAUT, STOPPED = 0.6, 0.7
-"""Of a wall's break, from which on jaws are led no further, and are closed."""
+TAUT, STOPS_AT = 0.6, 0.7
+"""Of a wall's break, from which on jaws are led no further, and what strains it stops."""
 IN_RING_MM, LEFT_MM = 2.0, 5.0
 """mm off a ring's middle, within which a tip is in it, and from which on it has left it."""
 TURNED = math.radians(20.0)
@@ -117,7 +117,7 @@ class JawSteps:
             through = site.through
             led = through is None or math.dist(hand.place, place + through) < IN_RING_MM
             led |= self._tissue.stress_ratio > TAUT
-            opens &= self._tissue.stress_ratio < STOPPED
+            opens &= self._tissue.stress_ratio < STOPS_AT
             self._state = "opening" if opens else "to close" if led else "open"
 
     def next_step(self) -> NextStep:

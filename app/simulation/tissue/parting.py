@@ -142,7 +142,7 @@ class PartingPlaces:
     def _free_side(self, which: Ints) -> Floats:
         """(3,) from which side a bent tip passes behind a strand's tube: away from the duct."""
         axis, along = self._axis(which)[0], (self._axis(which, 0.5) - self._axis(which, -0.5))[0]
-        side = np.array([along[1], -along[0], 0.0]) / math.hypot(*along[:2])
+        side = _across(along)
         beam = self._tissue.beam
         common = beam.places[beam.nodes_of(self._safety.common)]
         off = axis - common[((common - axis) ** 2).sum(axis=1).argmin()]
@@ -150,7 +150,7 @@ class PartingPlaces:
 
     def _roomy_side(self, place: Floats, along: Floats) -> Floats:
         """(3,) from which side, across a direction, a bent tip comes to a place."""
-        side = np.array([along[1], -along[0], 0.0]) / math.hypot(*along[:2])
+        side = _across(along)
         room = self._room(np.array([place + BESIDE_MM * side, place - BESIDE_MM * side]))
         return side if room[0] > room[1] else -side
 
@@ -226,6 +226,11 @@ class PartingPlaces:
             ):  # fmt: skip
                 axes[row, of == number] = tube.places_at(at[of == number])[0][:, 2]
         return 0.5 * (strands.ends[:, 2] + strands.feet[:, 2]) - axes.mean(axis=0)
+
+
+def _across(along: Floats) -> Floats:
+    """(3,) to the side of a direction, (3,), seen from the front."""
+    return np.array([along[1], -along[0], 0.0]) / math.hypot(*along[:2])
 
 
 def _main_direction(paths: Floats) -> Floats:

@@ -14,6 +14,7 @@ from app.simulation import (
     FIELD_OF_VIEW,
     GRIP_N,
     HOLDING,
+    STOPS_AT,
     TICK_SECONDS,
     TROCARS,
     Guidance,
@@ -46,9 +47,8 @@ LEAD_MM_S: Mapping[Instrument, float] = {
 SPREAD, PARTS_MM_S, CLOSES_MM_S = 20.0, 5.0, 15.0
 """mm that jaws part by at most, and mm/s: quicker ones are thrown open (`jumping_jaws`), and jaws
 that close at once crush what has come between them."""
-STOPS_AT, INSISTS = 0.7, 0.03
-"""Of a wall's break, from which on what strains it is led no further; and how much more than there
-is then each key or click allows."""
+INSISTS = 0.03
+"""Of a wall's break, how much more than there is at a stop each key or click allows."""
 GRIPS_AT = 0.9
 """Of the pull at which tissue slips out of a grasper, from which on that pulls no harder."""
 RISES = 0.003
