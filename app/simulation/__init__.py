@@ -105,7 +105,6 @@ from app.simulation.tissue.reached_tube import (
     near_place,
     pointed_at,
     seen_beside,
-    wall_offset,
 )
 from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.tissue.safety import Safety
@@ -275,5 +274,4 @@ __all__ = [
     "tear_front",
     "tear_swing",
     "turn_off",
-    "wall_offset",
 ]

@@ -28,7 +28,6 @@ from app.simulation import (
     read_run,
     read_script,
     run_json,
-    wall_offset,
 )
 from app.simulation.exercises.critical_view import Closing
 from app.simulation.exercises.goals import CriticalView
@@ -110,7 +109,7 @@ def obey(session: Session, step: NextStep) -> str:
         session.release(0)
         return "let go"
     if step.hand == 0:
-        held.put(place - wall_offset(tissue, 0))
+        held.put(place - held.jaws)
         return "draw"
     if "part the" in step.words:
         bent = "right angle" in step.words

@@ -40,7 +40,6 @@ from app.simulation import (
     read_script,
     run_json,
     seen_beside,
-    wall_offset,
 )
 from app.simulation.inputs.trocar import DEEPEST, LENGTH
 from app.simulation.tissue.guidance import EASED, STAGE_MM, STAGES
@@ -459,13 +458,13 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     session, tissue = lead.session, lead.session.spatial
     start, before = tissue.hands[0].place.copy(), tissue.stress_ratio
     lead.choose(0)
-    lead.lead_hand(start + wall_offset(tissue, 0) + [0.0, 0.0, 20.0])
+    lead.lead_hand(start + tissue.hands[0].jaws + [0.0, 0.0, 20.0])
     pass_time(lead, session, 2.0)
     assert np.linalg.norm(tissue.hands[0].place - start) < 0.2
     title = cast(MagicMock, lead._state.client).add_notification.call_args.args[0]
     assert title == f"Stopped: the {tube_title(tissue.most_stressed)} nears its break"
     # Keys that were pressed before the stop was seen do nothing; then each goes on a little.
-    lead.lead_hand(start + wall_offset(tissue, 0) + [0.0, 0.0, 20.0])
+    lead.lead_hand(start + tissue.hands[0].jaws + [0.0, 0.0, 20.0])
     pass_time(lead, session, 0.1)
     for _ in range(14):
         lead.nudge(0.0, 0.5, 0.0)  # towards the liver and out of the bed
@@ -475,14 +474,14 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     lead.nudge(0.0, 0.5, 0.0)
     pass_time(lead, session, 0.5)
     assert before < tissue.stress_ratio < 1.0
-    lead.lead_hand(start + wall_offset(tissue, 0) - [0.0, 0.0, 4.0])  # it gives way at any time
+    lead.lead_hand(start + tissue.hands[0].jaws - [0.0, 0.0, 4.0])  # it gives way at any time
     pass_time(lead, session, 2.0)
     assert tissue.stress_ratio < STOPS_AT
     # Nobody who is not to see figures is helped by them.
     session.start_exercise(critical_view(), Feedback.SUMMARY)
     taut(lead)
     start = tissue.hands[0].place.copy()
-    lead.lead_hand(start + wall_offset(tissue, 0) + [0.0, 0.0, 3.0])
+    lead.lead_hand(start + tissue.hands[0].jaws + [0.0, 0.0, 3.0])
     pass_time(lead, session, 1.0)
     assert np.linalg.norm(tissue.hands[0].place - start) > 1.0
 
@@ -561,7 +560,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     assert far == pytest.approx([STAGE_MM] * len(far), rel=0.25)
     # What is taut is let back.
     while (step := asked()).words.startswith("Next: let the gallbladder back with"):
-        lead.lead_hand(tissue.hands[0].place + wall_offset(tissue, 0) - [0.0, 0.7, 0.7])
+        lead.lead_hand(tissue.hands[0].place + tissue.hands[0].jaws - [0.0, 0.7, 0.7])
         pass_time(lead, session, 1.0)
     assert tissue.stress_ratio < EASED
     between = "Next: part the tissue between cystic duct and common duct: lead the right hand's"

@@ -20,7 +20,6 @@ from app.simulation import (
     Session,
     Specimen,
     Structure,
-    wall_offset,
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import ScopeLead
@@ -73,8 +72,7 @@ class Trainee:
     @property
     def tip(self) -> Floats:
         """The led tip, as it is drawn, (3,) mm."""
-        spatial, hand = self.session.spatial, self.lead.hand
-        return spatial.hands[hand].place + wall_offset(spatial, hand)
+        return self.session.spatial.hands[self.lead.hand].tip
 
     @property
     def _settled(self) -> bool:

@@ -64,6 +64,7 @@ class Hand:
         "aim",
         "holds",
         "instrument",
+        "jaws",
         "node",
         "opening",
         "place",
@@ -85,6 +86,7 @@ class Hand:
         self.aim = self.spread = (0.0, 0.0, 0.0)  # from the tip back along the shaft; of jaws
         self.node: int | None = None  # the beam's node that it holds
         self.tube = 0  # number of the tube that it holds or last held
+        self.jaws = np.zeros(3)  # (3,) from the axis that it holds to its jaws on the wall, mm
         self.pull = 0.0  # N, mean of the last 0.3 s of a hold
         self.holds = self.slips = 0  # how often it has taken hold, and what it held has slipped out
 
@@ -94,6 +96,11 @@ class Hand:
         # As lists: numpy takes ten times as long for three numbers.
         there: bool = self.place.tolist() == self.target.tolist()
         return there and self.opening == self.target_opening
+
+    @property
+    def tip(self) -> NDArray[np.float64]:
+        """(3,) mm where its jaws are: on the wall of what they hold, whose axis is at `place`."""
+        return self.place + self.jaws
 
     def put(self, place: NDArray[np.float64]) -> None:
         """Put the tip somewhere at once, at rest."""

@@ -30,7 +30,6 @@ from app.simulation.exercises.next_step import (
 from app.simulation.inputs.inputs import HOLDING
 from app.simulation.tissue.jaw_steps import IN_RING_MM, RIGHT, TAUT, JawSteps, three
 from app.simulation.tissue.parting import PartingPlaces, Site
-from app.simulation.tissue.reached_tube import wall_offset
 from app.simulation.tissue.safety import Safety
 
 __all__ = ["Guidance"]
@@ -164,7 +163,7 @@ class Guidance:
         holder = self._holder
         if holder is None:
             return None
-        return self.tissue.hands[holder].place + wall_offset(self.tissue, holder)
+        return self.tissue.hands[holder].tip
 
     def _pull_for(self, view: CriticalView, site: Site) -> _Pulling | None:
         """Return how the gallbladder is to be drawn before jaws part at a place, if it is."""

@@ -37,8 +37,9 @@ MOST_STRAINED = 1
 """How often a wall may be too taut at a place."""
 TAUT, STOPS_AT = 0.6, 0.7
 """Of a wall's break, from which on jaws are led no further, and what strains it stops."""
-IN_RING_MM, LEFT_MM = 2.0, 5.0
-"""mm off a ring's middle, within which a tip is in it, and from which on it has left it."""
+IN_RING_MM, LEFT_MM, OUT_MM = 2.0, 5.0, 8.0
+"""mm off a ring's middle, within which a tip is in it, from which on it has left it, and from which
+on jaws that have parted tissue there are out of that."""
 TURNED = math.radians(20.0)
 """Off a ring's bar, within which jaws lie along it."""
 LEAST_ACROSS = 0.2
@@ -83,7 +84,8 @@ class JawSteps:
         hand, place = self._hand, self._place
         moves = [each for each in (self.site.through, self.site.beside) if each is not None]
         places = [place, *(place + each for each in moves)]
-        if hand is not None and min(math.dist(hand.place, each) for each in places) < LEFT_MM:
+        far = OUT_MM if self.begun else LEFT_MM
+        if hand is not None and min(math.dist(hand.place, each) for each in places) < far:
             return False
         if not self.begun:
             return self.strained_often or not self._places.left(self.site)

@@ -1,4 +1,4 @@
-"""Which tube is at a tip or is pointed at, and where jaws that hold one are."""
+"""Which tube is at a tip or is pointed at, and where jaws take a wall."""
 
 import math
 from typing import Literal
@@ -6,11 +6,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.inputs.trocar import TROCARS
-from app.simulation.tissue.spatial_tissue import SpatialTissue
 from physics.bed import BeamOnBed
 
-__all__ = ["REACH", "Side", "near_place", "pointed_at", "seen_beside", "wall_offset"]
+__all__ = ["REACH", "Side", "jaws_on_wall", "near_place", "pointed_at", "seen_beside"]
 
 Floats = NDArray[np.float64]
 
@@ -83,12 +81,21 @@ def pointed_at(beam: BeamOnBed, eye: Floats, direction: Floats) -> tuple[int, fl
     return found
 
 
-def wall_offset(tissue: SpatialTissue, hand: int) -> Floats:
-    """(3,) mm from the axis that a hand holds to its jaws on the wall; zero of an empty hand."""
-    holder = tissue.hands[hand]
-    if holder.node is None:
-        return np.zeros(3)
-    name = tissue.tubes.names[holder.tube]
-    at = int(np.flatnonzero(tissue.beam.nodes_of(name) == holder.node)[0])
-    radius = float(tissue.tubes.network.tubes[name].radius[at])
-    return max(radius - BITE, 0.0) * TROCARS[hand].shaft(holder.place)
+def jaws_on_wall(off: Floats, shaft: Floats, radius: float) -> Floats:
+    """Return where jaws take a tube's wall, (3,) mm from its axis.
+
+    Parameters
+    ----------
+    off
+        (3,) mm from the axis to the tip as they close.
+    shaft
+        (3,) direction from the tip back along the shaft.
+    radius
+        Of the tube there, mm.
+    """
+    deep, square = max(radius - BITE, 0.0), float(off @ off)
+    if square > deep**2:
+        return off * (deep / math.sqrt(square))
+    # Within the wall they come back along their shaft until they are in it.
+    along = float(off @ shaft)
+    return off + (math.sqrt(along**2 - square + deep**2) - along) * shaft

@@ -45,6 +45,7 @@ from app.simulation.specimen.preset import OrganBeam
 from app.simulation.specimen.specimen import Specimen
 from app.simulation.specimen.structures import entering_tubes, front_strands, named_structures
 from app.simulation.specimen.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
+from app.simulation.tissue.reached_tube import jaws_on_wall
 from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.tissue.sight import STEADY, STEADY_MM, TOWARDS_VIEWER
 from kernel_cache import SameTypes, kernel
@@ -692,7 +693,11 @@ class SpatialTissue:
         holder.tube = tube
         holder.holds += 1
         holder.pull = 0.0
-        holder.put(self.beam.places[holder.node])
+        name, axis = self.tubes.names[tube], self.beam.places[holder.node]
+        tip, rest = holder.place, self.tubes.network.tubes[name]
+        radius = float(np.interp(at, rest.stations, rest.radius))
+        holder.jaws[:] = jaws_on_wall(tip - axis, TROCARS[hand].shaft(tip), radius)
+        holder.put(axis)
         self._still = False
         self._forget_reading()
         return holder.place.copy()
@@ -704,6 +709,7 @@ class SpatialTissue:
             return False
         self.beam.let_go(holder.node)
         holder.node = None
+        holder.jaws[:] = 0.0
         self._still = False
         self._forget_reading()
         return True

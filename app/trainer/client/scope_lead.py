@@ -27,7 +27,6 @@ from app.simulation import (
     near_place,
     pointed_at,
     turn_off,
-    wall_offset,
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
@@ -216,8 +215,8 @@ class ScopeLead:
         if step is None or ring is None or self.leads_scope or step.hand != self.hand:
             return None
         camera = self.held.camera
-        drawn = holder.place + wall_offset(self.session.spatial, self.hand)
-        tip, place = (camera.axes.T @ (np.array(each) - camera.tip) for each in (drawn, ring[:3]))
+        ends = holder.tip, np.array(ring[:3])
+        tip, place = (camera.axes.T @ (each - camera.tip) for each in ends)
         # Both are compared at the tip's depth: there it is, right under the pointer.
         right, up = place[:2] * (tip[2] / place[2]) - tip[:2]
         return float(right), float(up), float(tip[2] - place[2])
@@ -317,8 +316,8 @@ class ScopeLead:
     def lead_hand(self, place: Floats) -> None:
         """Lead the active hand's tip, as it is drawn, to a place, (3,) mm."""
         if self._may_act():
-            offset = wall_offset(self.session.spatial, self.hand)
-            self._goals[self.hand] = TROCARS[self.hand].within(place - offset)
+            place = place - self._state.hands[self.hand].jaws
+            self._goals[self.hand] = TROCARS[self.hand].within(place)
 
     def push_handle(self, right: float, up: float, into: float) -> None:
         """Move the active hand's handle, mm at the tip: across its shaft, and along it.
@@ -445,8 +444,8 @@ class ScopeLead:
             return
         step = self.held.camera.axes @ np.array([right, up, -away])
         goal = self._goals[self.hand]
-        start = self._state.hands[self.hand].target if goal is None else goal
-        self.lead_hand(start + wall_offset(self.session.spatial, self.hand) + step)
+        holder = self._state.hands[self.hand]
+        self.lead_hand((holder.target if goal is None else goal) + holder.jaws + step)
 
     def turn(self, angle: float) -> None:
         """Turn the active hand's jaws about its shaft, or the scope's cable, rad."""
@@ -504,7 +503,10 @@ class ScopeLead:
         holder = state.hands[hand]
         self._goals[hand] = None
         if holder.node is not None:
+            tip = holder.tip
             state.let_go(hand)
+            if holder.node is None:  # and not held by a device
+                self.session.move_hand(hand, tip)
             return
         found = near_place(state.session.spatial.beam, holder.place)
         if found is None:

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from app.anatomy import AnatomyNetwork
-from app.simulation import TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar, wall_offset
+from app.simulation import TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar
 from app.trainer.scope.packing import DrawnHand, Frame, Well
 from app.trainer.scope.picture import ScopePicture
 from app.trainer.scope.pose import Laparoscope, Pose
@@ -63,8 +63,7 @@ def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, pose: Pose) -> Non
 def _hand(tissue: SpatialTissue, number: int) -> DrawnHand:
     hand = tissue.hands[number]
     holds = hand.node is not None
-    # It holds the wall, not the axis.
-    x, y, z = (float(each) for each in hand.place + wall_offset(tissue, number))
+    x, y, z = (float(each) for each in hand.tip)
     opening = JAWS_APART if holds or tissue.sucks(number) else hand.opening
     roll = _roll(TROCARS[number], hand)
     return DrawnHand(INSTRUMENTS.index(hand.instrument), (x, y, z), opening, roll, holds)
