@@ -52,6 +52,7 @@ class Trainee:
         self.lead = ScopeLead(state, self.held)
         self._sent = 0
         self._begun: Floats = np.zeros(3)  # where the last pull began
+        self._came: list[Floats] = []  # where the right hand's tip has been, since it came anew
         self._asked = ""
 
     # What the page sends
@@ -89,33 +90,32 @@ class Trainee:
             self.wait(TICK_SECONDS)
 
     def _move(self, place: Floats) -> None:
+        if self.lead.hand:
+            self._came.append(self.tip.copy())
         self.send("move " + " ".join(f"{each:.3f}" for each in place))
         self._led()
 
     def drag(self, place: Floats) -> None:
-        """Take the tip under the pointer where a place is seen, at the depth that it has."""
-        camera = self.held.camera
-        depth = -float((self.tip - camera.tip) @ camera.axes[:, 2])
-        ray = place - camera.tip
-        self._move(camera.tip + ray * (depth / -float(ray @ camera.axes[:, 2])))
+        """Take the tip under the pointer, at its depth, from where the wheel leads it to a place."""
+        shaft, back = TROCARS[self.lead.hand].shaft(place), self.held.camera.axes[:, 2]
+        far = float((self.tip - place) @ back) / float(shaft @ back)
+        self._move(place + far * shaft)
         self.send("stop")
 
     def wheel(self, notches: int) -> None:
-        """Take the tip into the picture by notches, or out of it; stop where it is stopped."""
+        """Take the tip in along its shaft by notches, or out; stop where it is stopped."""
         for _ in range(abs(notches)):
-            camera = self.held.camera
-            ray = self.tip - camera.tip
-            depth = -float(ray @ camera.axes[:, 2])
             before = self.tip
-            self._move(camera.tip + ray * ((depth + math.copysign(NOTCH_MM, notches)) / depth))
+            into = -TROCARS[self.lead.hand].shaft(before)
+            self._move(before + math.copysign(NOTCH_MM, notches) * into)
             if math.dist(before, self.tip) < 0.3 * NOTCH_MM:
                 return
 
     def to(self, place: Floats) -> None:
         """Lead the tip to a place: the pointer first, then the wheel."""
         self.drag(place)
-        camera = self.held.camera
-        self.wheel(round(float((self.tip - place) @ camera.axes[:, 2]) / NOTCH_MM))
+        shaft = TROCARS[self.lead.hand].shaft(place)
+        self.wheel(round(float((self.tip - place) @ shaft) / NOTCH_MM))
 
     def take(self, hand: int, instrument: Instrument) -> None:
         """Choose a hand and its instrument in the panel."""
@@ -207,17 +207,13 @@ class Trainee:
         self.turn_tip(direction)
         self.to(start)
         begun = self.tip.copy()
-        self.drag(end)
-        camera = self.held.camera
-        deeper = round(float((self.tip - end) @ camera.axes[:, 2]) / NOTCH_MM)
-        self.wheel(deeper)
+        self.to(end)
         self.use()
         for _ in range(8):
             if self.session.spatial.hands[1].target_opening <= 0.0:
                 break
             self.use()
-        self.wheel(-deeper)
-        self.drag(begun)
+        self.to(begun)
         self.wheel(-6)
 
     def spread(self, place: Floats, direction: Floats) -> None:
@@ -292,7 +288,10 @@ class Trainee:
             self.to(place)
             return
         if hand:
-            self.wheel(-2)
+            for _ in range(min(3, len(self._came))):
+                before = self._came.pop()
+                self._move(before)
+                self._came.pop()
             return
         back = self._begun - self.tip
         back /= max(1.0, math.hypot(*back))

@@ -50,18 +50,19 @@ class CriticalView:
             _line("cystic plate", self.plate_freed, _free(self.plate)),
         ]
 
-    @property
-    def next_parts(self) -> list[Part]:
-        """What to free next, what is easiest first; none once each part has all its points."""
+    def next_parts(self, points: int) -> list[Part]:
+        """Return what to free next for so many points, what is easiest first; none at the end."""
         # All of the plate and `SOME` of the triangle are in a dissector's reach, `OPENED` before
         # the plate; for the rest the right angle goes behind tubes.
         if self.triangle < OPENED:
             return ["triangle"]
-        asked: list[tuple[Part, int]] = [
-            ("plate", self.plate_freed), ("triangle", self.triangle_cleared),
-            ("tubes", self.two_structures),
-        ]  # fmt: skip
-        return [part for part, points in asked if points < MOST_POINTS // 3]
+        most = MOST_POINTS // 3
+        asked: list[tuple[Part, int, int]] = [  # with the points that it has, and is to have
+            ("plate", self.plate_freed, most),
+            ("triangle", self.triangle_cleared, min(points - most, most)),
+            ("tubes", self.two_structures, most if points > 2 * most else 0),
+        ]
+        return [part for part, has, wanted in asked if has < wanted]
 
 
 @dataclass(frozen=True, slots=True)

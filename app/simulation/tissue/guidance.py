@@ -110,11 +110,12 @@ class Guidance:
         if viewed:
             words = closing_step(self._safety.closings(), goal.stay, goal.go)
             return NextStep(words, np.zeros(0, dtype=np.int64)) if words else None
-        if not view.next_parts:
+        parts = view.next_parts(goal.points)
+        if not parts:
             return None
         self._follow()
         # Where little parts, another part of the view is asked for, and that one again later.
-        part = min(view.next_parts, key=lambda each: self._failed[each] // MOST_FAILED)
+        part = min(parts, key=lambda each: self._failed[each] // MOST_FAILED)
         if part != self._part:
             self._part = part
             # Jaws that are open are closed first.

@@ -357,11 +357,14 @@ class ScopeLead:
                 continue
             path = goal - holder.target
             far = math.sqrt(float((path * path).sum()))
-            strains = float(path @ state.session.spatial.forces[hand]) > LEAST_PUSH_N * far
+            pushes = float(path @ state.session.spatial.forces[hand]) / max(far, 1e-12)
+            strains, slackens = pushes > LEAST_PUSH_N, pushes < -LEAST_PUSH_N
             before = self._stopped[hand]
             again = before is not None and float((path * before).sum()) > 0.0
             slips = strains and self._nears_slip(hand)
-            if far > 0.0 and (slips or (stops and (strains or rises or again))):
+            # Stress may go on rising by what the hand did before.
+            strains_more = strains or again or (rises and not slackens)
+            if far > 0.0 and (slips or (stops and strains_more)):
                 self._goals[hand], self._stopped[hand] = None, path
                 state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
                 self._say_stopped(slips)
