@@ -112,9 +112,12 @@ class Trainee:
                 return
 
     def to(self, place: Floats) -> None:
-        """Lead the tip to a place: the pointer first, then the wheel."""
+        """Lead the tip to a place: out by the wheel if it is too deep, the pointer, then in."""
+        shaft, back = TROCARS[self.lead.hand].shaft(place), self.held.camera.axes[:, 2]
+        into = float((self.tip - place) @ back) / float(shaft @ back)
+        if into < 0.0:
+            self.wheel(round(into / NOTCH_MM))
         self.drag(place)
-        shaft = TROCARS[self.lead.hand].shaft(place)
         self.wheel(round(float((self.tip - place) @ shaft) / NOTCH_MM))
 
     def take(self, hand: int, instrument: Instrument) -> None:

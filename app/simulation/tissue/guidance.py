@@ -55,6 +55,8 @@ GRIPPED = 0.85
 """Of the pull at which tissue slips out of a grasper, from which on it is drawn no further."""
 PUSHES_N = 0.1
 """Force from which on a hand can be what strains a wall."""
+LONGEST = 20
+"""Judgements for which one hand is asked to slacken a wall until the other is: some 10 s."""
 LEFT = 0
 """Number of the hand that holds."""
 
@@ -99,6 +101,7 @@ class Guidance:
         self._tries = 0  # places that were tried since it was drawn or let go
         self._failed = Counter[Part]()  # how often little has parted, one time after the other
         self._strains: int | None = None  # the hand that strains a wall
+        self._asked = 0  # judgements for which it has been asked to slacken that
         self._places_then = self._hand_places  # at the last judgement
 
     def next_step(self, exercise: Exercise, *, viewed: bool) -> NextStep | None:
@@ -226,8 +229,11 @@ class Guidance:
         if opened or ratio < (TAUT if self._strains is None else EASED):
             self._strains = None
             return None
+        if self._strains is not None and pushes.all() and self._asked > LONGEST:
+            moved[self._strains], self._strains = -1.0, None
+        self._asked += 1
         if self._strains is None or not pushes[self._strains]:
-            self._strains = int(np.where(pushes, moved, -1.0).argmax())
+            self._strains, self._asked = int(np.where(pushes, moved, -2.0).argmax()), 0
             pulling = self._pulling
             # What is strained has been drawn.
             if pulling is not None and pulling.start is not None:
