@@ -532,7 +532,13 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
         assert (lead.ring is None) == (step.place is None)
         if lead.ring is not None:
             assert lead.ring[:3] == pytest.approx(step.place, abs=0.01)
-            assert lead.ring[3:] == pytest.approx(step.along or (0.0, 0.0, 0.0), abs=0.01)
+            assert step.hand is not None
+            assert lead.ring[3:6] == pytest.approx(step.along or (0.0, 0.0, 0.0), abs=0.01)
+            # Its line is a shaft that comes there; what is held is led along none.
+            assert step.hand == lead.ring[9]
+            holds = tissue.hands[step.hand].node is not None
+            shaft = np.zeros(3) if holds else TROCARS[step.hand].shaft(np.array(step.place))
+            assert lead.ring[6:9] == pytest.approx(shaft, abs=0.01)
         return step
 
     def part(strands: np.ndarray) -> None:
@@ -553,14 +559,14 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     while (step := asked()).words.startswith(aside):
         to_ring = lead.to_ring
         assert to_ring is not None
-        far.append(math.hypot(*to_ring))
+        far.append(math.dist(tissue.hands[0].tip, step.place))
         lead.lead_hand(np.array(step.place))
         pass_time(lead, session, 1.0)
     assert 1 < len(far) <= STAGES
     assert far == pytest.approx([STAGE_MM] * len(far), rel=0.25)
     # What is taut is let back.
     while (step := asked()).words.startswith("Next: let the gallbladder back with"):
-        lead.lead_hand(tissue.hands[0].place + tissue.hands[0].jaws - [0.0, 0.7, 0.7])
+        lead.lead_hand(tissue.hands[0].tip - [0.0, 0.7, 0.7])
         pass_time(lead, session, 1.0)
     assert tissue.stress_ratio < EASED
     between = "Next: part the tissue between cystic duct and common duct: lead the right hand's"
@@ -579,20 +585,19 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
         assert abs(off) <= 0.5 * math.pi
         lead.turn(off)
         assert lead.turn_left == pytest.approx(0.0, abs=0.01)
-    # Under the pointer the ring is only deeper; then the tip is in it.
-    ring = np.array((lead.ring or ())[:3])
-    eye, tip = lead.held.camera.tip, session.spatial.hands[1].place
-    back = lead.held.camera.axes[:, 2]
-    lead.lead_hand(eye + (ring - eye) * float((tip - eye) @ back) / float((ring - eye) @ back))
-    pass_time(lead, session, 2.0)
+    # Right and up under the pointer, and then in by the wheel, it comes into the ring.
     to_ring = lead.to_ring
     assert to_ring is not None
-    assert to_ring[:2] == pytest.approx((0.0, 0.0), abs=0.3)
-    lead.lead_hand(tissue.hands[1].place - to_ring[2] * back)
+    lead.nudge(*to_ring[:2], 0.0)
     pass_time(lead, session, 2.0)
     left = lead.to_ring
     assert left is not None
-    assert abs(left[2]) < 1.5 < 5.0 < to_ring[2]
+    assert left == pytest.approx((0.0, 0.0, to_ring[2]), abs=0.1)
+    assert not lead.in_ring
+    lead.nudge(0.0, 0.0, left[2])
+    pass_time(lead, session, 2.0)
+    assert lead.in_ring
+    assert left[2] > 5.0
     # In it jaws are turned once more, opened, closed and withdrawn.
     lead.turn(1.0)
     assert asked().words.startswith("Next: turn the right hand's dissector")

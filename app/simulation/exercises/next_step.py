@@ -43,7 +43,7 @@ UNDER = (
 )
 CLOSE = "Next: close the right hand's {} (G)."
 AS_IT_CAME = "Next: lead the right hand's {} back as it came, into the ring."
-BACK = "Next: draw the right hand's {} out of the tissue, towards you (wheel)."
+BACK = "Next: draw the right hand's {} out of the tissue (wheel)."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
 DRAW_ASIDE = "Next: draw the {} aside with the left hand's grasper: follow the ring, slowly."
 DRAW_OFF = "Next: draw the {} off the liver with the left hand's grasper: follow the ring, slowly."

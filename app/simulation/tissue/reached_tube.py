@@ -92,6 +92,11 @@ def jaws_on_wall(off: Floats, shaft: Floats, radius: float) -> Floats:
         (3,) direction from the tip back along the shaft.
     radius
         Of the tube there, mm.
+
+    Returns
+    -------
+    NDArray
+        Nowhere deeper in the wall than jaws bite.
     """
     deep, square = max(radius - BITE, 0.0), float(off @ off)
     if square > deep**2:

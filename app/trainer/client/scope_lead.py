@@ -14,6 +14,7 @@ from app.simulation import (
     FIELD_OF_VIEW,
     GRIP_N,
     HOLDING,
+    IN_RING_MM,
     STOPS_AT,
     TICK_SECONDS,
     TROCARS,
@@ -54,6 +55,8 @@ RISES = 0.003
 """Of a wall's break in a tick, by which what a hand does strains it, whatever its force is."""
 GIVES_MM = 0.1
 """By which a hand that stops gives way."""
+ALONG_SIGHT = 0.2
+"""Of a shaft, along the line of sight, from which on the wheel leads a tip to a depth."""
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
 STOPPED = (
@@ -81,8 +84,8 @@ STEADY = math.cos(math.radians(STEADY_DEG))
 BENT_STEADY = math.sin(math.radians(STEADY_DEG))
 """Cosine, either way, of the angle of a right angle's tip with its shaft that is left."""
 NOTHING_NEAR = (
-    "Neither a tube nor the gallbladder is between the jaws. Lead the tip deeper with the wheel, "
-    "some notches at a time, and try again."
+    "Neither a tube nor the gallbladder is between the jaws. Lead the tip further in with the "
+    "wheel, some notches at a time, and try again."
 )
 ENDS = "Jaws do not hold there: a clamp, the other hand or a tear is too near."
 NOT_BETWEEN = (
@@ -198,28 +201,44 @@ class ScopeLead:
 
     @property
     def ring(self) -> tuple[float, ...] | None:
-        """Where the next step is done, mm, and along what jaws part there, (6,); None nowhere."""
+        """Where the next step is done: mm, two directions and the hand, (10,); None nowhere.
+
+        Jaws part along the first direction, the wheel leads there along the second. Each is zero
+        where there is none: a hand that holds is not led along its shaft.
+        """
         step = self.next_step
         if step is None or step.place is None:
             return None
         along = (0.0, 0.0, 0.0) if step.along is None else step.along
-        return tuple(round(each, 2) for each in (*step.place, *along))
+        shaft = np.zeros(3)
+        if step.hand is not None and self._state.hands[step.hand].node is None:
+            shaft = TROCARS[step.hand].shaft(np.array(step.place))
+        numbers = *step.place, *along, *shaft.tolist(), float(step.hand or 0)
+        return tuple(round(each, 3) for each in numbers)
 
     @property
     def to_ring(self) -> tuple[float, float, float] | None:
-        """How far right, up and deep of the led tip the ring is, mm, as it is seen.
+        """How far right and up of the led tip the ring's path is, and in along that the ring, mm.
 
-        None where there is no ring for it, or the scope is led.
+        The pointer leads the tip right and up, at its depth, and then the wheel in. None where
+        there is no ring for it, or the scope is led.
         """
         step, ring, holder = self.next_step, self.ring, self._state.hands[self.hand]
         if step is None or ring is None or self.leads_scope or step.hand != self.hand:
             return None
-        camera = self.held.camera
-        ends = holder.tip, np.array(ring[:3])
-        tip, place = (camera.axes.T @ (each - camera.tip) for each in ends)
-        # Both are compared at the tip's depth: there it is, right under the pointer.
-        right, up = place[:2] * (tip[2] / place[2]) - tip[:2]
-        return float(right), float(up), float(tip[2] - place[2])
+        axes, place = self.held.camera.axes, np.array(ring[:3])
+        shaft, path = TROCARS[self.hand].shaft(place), place - holder.tip
+        # A shaft across the line of sight leads no deeper.
+        back = math.copysign(max(abs(float(shaft @ axes[:, 2])), ALONG_SIGHT), shaft @ axes[:, 2])
+        into = -float(path @ axes[:, 2]) / back
+        right, up = axes[:, :2].T @ (path + into * shaft)
+        return float(right), float(up), into
+
+    @property
+    def in_ring(self) -> bool:
+        """Whether the led tip is in the ring."""
+        ring, tip = self.ring, self._state.hands[self.hand].tip
+        return ring is not None and math.dist(ring[:3], tip) < IN_RING_MM
 
     def point(self, structure: Structure | None) -> None:
         """Let the pointer mark a structure from now on, or lead hands again."""
@@ -430,7 +449,7 @@ class ScopeLead:
             self._jaws[hand] = None
 
     def nudge(self, right: float, up: float, away: float) -> None:
-        """Move the active hand's tip in the picture, mm, or turn the scope by as many steps."""
+        """Move the active hand's tip in the picture and in along its shaft, mm, or the scope."""
         if self.points_at is not None:
             step, (x, y) = 2.0 * CROSS_STEP, self._cross
             x, y = (min(max(each, -0.95), 0.95) for each in (x + step * right, y + step * up))
@@ -445,10 +464,11 @@ class ScopeLead:
             return
         if not self._steps():
             return
-        step = self.held.camera.axes @ np.array([right, up, -away])
         goal = self._goals[self.hand]
         holder = self._state.hands[self.hand]
-        self.lead_hand((holder.target if goal is None else goal) + holder.jaws + step)
+        start = (holder.target if goal is None else goal) + holder.jaws
+        step = self.held.camera.axes @ np.array([right, up, 0.0])
+        self.lead_hand(start + step - away * TROCARS[self.hand].shaft(start))
 
     def turn(self, angle: float) -> None:
         """Turn the active hand's jaws about its shaft, or the scope's cable, rad."""

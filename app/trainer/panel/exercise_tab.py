@@ -44,10 +44,9 @@ class ExerciseTab:
         self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown(
             "Exercise", [AWAITED], hint="Its numbers follow from where this duct breaks"
         )
-        # Above the task: it is looked at while one works.
+        # First: it is looked at while one works.
         self._status = gui.add_html("", visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False)
-        self._task = gui.add_html("")
         self._feedback = gui.add_dropdown(
             "Feedback",
             tuple(FEEDBACK),
@@ -69,6 +68,8 @@ class ExerciseTab:
         self._result = gui.add_button(
             "Result of the last run", icon=viser.Icon.REPORT_ANALYTICS, color="gray", visible=False
         )
+        # Below the buttons, which stay where they are, however long it is.
+        self._task = gui.add_html("")
         gui.add_html(
             note(
                 "Measures say how this duct was handled in this model. They certify no skill.",

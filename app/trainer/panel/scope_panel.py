@@ -18,7 +18,6 @@ from app.anatomy import (
 from app.simulation import (
     GRIP_N,
     HOLDING,
-    IN_RING_MM,
     Incident,
     Instrument,
     Reading,
@@ -93,7 +92,6 @@ YOU_HOLD = "You hold the scope. V gives it back."
 HOW_PX = 84
 """Height of four lines, pixels."""
 SPREAD = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
-ALONG = "Led by its handle (F), the wheel takes it along its shaft."
 HOW: Mapping[Instrument, str] = {
     "hook": "Bring it to a tube, take hold with the right button or G, and pull gently.",
     "grasper": "Take hold with the right button or G, and drag. It stays where it is left.",
@@ -101,9 +99,9 @@ HOW: Mapping[Instrument, str] = {
     "right angle": f"{SPREAD} Its tip, bent by 90°, passes behind a tube: J and L turn it.",
     "swab": "Wipe along a tube: strands part before its soft tip.",
     "clip applier": "Bring the open jaws past a freed tube on either side, then the right button "
-    f"or G. J and L turn them. {ALONG}",
+    "or G. J and L turn them.",
     "scissors": "Bring the open blades past a freed and clipped tube on either side, then the "
-    f"right button or G. {ALONG}",
+    "right button or G.",
     "suction": "The right button or G starts it, and stops it. It takes up blood and bile.",
 }
 KEYS = (
@@ -111,8 +109,8 @@ KEYS = (
     Key("Right", "arrowright", "Move right", "the tip in the picture, or the scope's view"),
     Key("Up", "arrowup", "Move up", "the tip in the picture, or the scope's view"),
     Key("Down", "arrowdown", "Move down", "the tip in the picture, or the scope's view"),
-    Key("Shift+Up", "arrowup", "Move away", "the tip, or the scope, into the picture", "shift"),
-    Key("Shift+Down", "arrowdown", "Move near", "the tip, or the scope, towards you", "shift"),
+    Key("Shift+Up", "arrowup", "In", "the instrument along its shaft, or the scope", "shift"),
+    Key("Shift+Down", "arrowdown", "Out", "the instrument along its shaft, or the scope", "shift"),
     Key("G", "G", "Use the instrument", "take hold or let go; part or close; clip; divide; suck"),
     Key("O", "O", "Open the jaws", "by a millimetre"),
     Key("C", "C", "Close the jaws", "by a millimetre"),
@@ -135,9 +133,9 @@ ALWAYS = ("Z", "V")
 """Keys that act while a replay is shown, too."""
 TEXT = """\
 **The mouse.** Press in the picture and the tip goes under the pointer; drag to lead it. The
-**wheel** moves it into the picture and out. The **right button**, or **G**, uses the instrument.
-With a **finger** drag; two fingers spread or pinch for depth. Led **by its handle**, as in the
-theatre, an instrument turns about its trocar: the tip goes the other way.
+**wheel** takes it in and out along its shaft. The **right button**, or **G**, uses the instrument.
+With a **finger** drag; two fingers spread or pinch to take it in and out. Led **by its handle**, as
+in the theatre, an instrument turns about its trocar: the tip goes the other way.
 
 **A gamepad.** The left stick moves the tip in the picture, the right one takes it in and out and
 turns the jaws. **A** uses the instrument, **B** goes on to the other hand, **X** to the next
@@ -347,7 +345,7 @@ class ScopePanel:
         name, place = "Tip", "-"
         step, to_ring = self._lead.next_step, self._lead.to_ring
         if to_ring is not None:
-            name, place = "To the ring", _moves(to_ring)
+            name, place = "To the ring", "in it" if self._lead.in_ring else _moves(to_ring)
         elif step is not None and step.hand is not None and step.hand != hand:
             name, place = "Next", f"lead the {HANDS[step.hand].lower()} (X)"
         elif holder.node is not None:
@@ -471,16 +469,16 @@ class ScopePanel:
 
 
 def _moves(to_ring: tuple[float, float, float]) -> str:
-    """Return how to move a tip right, up and deep, mm, in words."""
-    if math.hypot(*to_ring) < IN_RING_MM:
-        return "in it"
-    names = ("right", "left"), ("up", "down"), ("deeper", "nearer")
-    out = [
-        f"{abs(far):.0f} {more if far > 0.0 else less}"
+    """Return how to move a tip right, up and in, mm, in words."""
+    names = ("right", "left"), ("up", "down"), ("in", "out")
+    right, up, into = (
+        f"{abs(far):.0f} {more if far > 0.0 else less}" if round(abs(far)) > 0 else ""
         for far, (more, less) in zip(to_ring, names, strict=True)
-        if round(abs(far)) > 0
-    ]
-    return f"{', '.join(out)} (mm)"
+    )
+    # Out comes first, and in last: one goes aside in front of the tissue.
+    aside = ", ".join(filter(None, (right, up)))
+    moves = (into, aside) if to_ring[2] < 0.0 else (aside, into)
+    return f"{', then '.join(filter(None, moves))} (mm)"
 
 
 def _text() -> str:

@@ -52,7 +52,7 @@ class Led(Protocol):
 
     @property
     def ring(self) -> tuple[float, ...] | None:
-        """Place, mm, and bar's direction of the ring in the picture, (6,); None without one."""
+        """Place, mm, and directions of bar and line, and hand of the ring, (10,); None without one."""
         ...
 
     def take_request(self) -> bool:
@@ -217,7 +217,7 @@ class ScopeScene:
         """Nothing is written into the picture of a camera."""
 
     def lead_into_picture(self, into: bool) -> None:
-        """Leave it to the wheel, which goes into the picture; drags never do."""
+        """Leave it to the wheel, which leads along the shaft; drags never do."""
 
     def let_drag(self, grabbed: object, moved: object, released: object) -> None:
         """Let mouse and fingers in the picture lead what `led` does."""

@@ -110,7 +110,12 @@ page.openTab = (label, until = performance.now() + 30000) => {
 };
 
 // Scroll the panel to one of its lines.
-page.bringIn = name => document.querySelector(`[data-testid=${name}]`)?.scrollIntoView({block: "nearest"});
+page.bringIn = name => {
+  const line = document.querySelector(`[data-testid=${name}]`), panel = line?.closest(".mantine-ScrollArea-viewport");
+  // A line that stays in sight is brought to its own place, and what is below it with it.
+  if (panel && getComputedStyle(line.parentElement).position === "sticky") panel.scrollTop = 0;
+  else line?.scrollIntoView({block: "nearest"});
+};
 
 // The camera: neither lost nor below the floor, and without the line that viser draws to a hand.
 const STEEPEST = 1.35, FLATTEST = 0.15;

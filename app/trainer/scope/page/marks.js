@@ -1,5 +1,6 @@
 // What an exercise asks for next, in front of all: a faint dot on each strand that is to be parted,
-// which goes as its strand parts, and a ring where to, with a bar as jaws are to part.
+// which goes as its strand parts, and a ring where to, with a bar as jaws are to part. A dashed line
+// leads there along the shaft: from the cross at its end, at the tip's depth, the wheel goes into it.
 (() => {
   const scope = window.bluntdissectScope;
   if (scope.mark) return;
@@ -24,8 +25,11 @@
     return putInFront(picture, dots, picture.material(["ends", "mark.vert"], ["common", "mark.frag"], {}, SEEN));
   };
   const drawRing = (picture, ring) => {
-    const own = { uPlace: ring.slice(0, 3), uAlong: ring.slice(3) };
-    return putInFront(picture, square(picture), picture.material(["ring.vert"], ["common", "ring.frag"], own, SEEN));
+    const own = { uPlace: ring.slice(0, 3), uAlong: ring.slice(3, 6), uBack: ring.slice(6, 9), uHand: ring[9] };
+    const parts = [["ring.vert"], "ring.frag"], path = name => [["path", `${name}.vert`], `${name}.frag`];
+    const shown = [parts, path("line"), path("cross")].map(([vertex, fragment]) =>
+      putInFront(picture, square(picture), picture.material(vertex, ["common", fragment], own, SEEN)));
+    return () => shown.forEach(remove => remove());
   };
   const square = ({ make }) =>
     make.geometry({ position: [new Float32Array(12), 3], place: [new Float32Array(CORNERS), 2] }, new Uint32Array([0, 1, 2, 0, 2, 3]));
@@ -41,6 +45,7 @@
 
   // Mark strands, by their numbers, instead of those that are marked.
   scope.mark = strands => show("dots", wanted.dots = strands.length ? strands : null, drawDots);
-  // Put the ring to a place, mm, with its bar along a direction or none: six numbers; null for none.
+  // Put the ring to a place, mm, with its bar along a direction or none, and its line along a shaft
+  // or none, of a hand: ten numbers; null for no ring.
   scope.ring = ring => show("ring", wanted.ring = ring, drawRing);
 })();

@@ -31,12 +31,13 @@
       this.rods = [new Float32Array(32), new Float32Array(32)];
       this.wells = new Float32Array(16);
       this.dents = new Float32Array(8);
+      this.tips = new Float32Array(6);
       const wide = sheet.columns * sheet.cell, high = sheet.rows * sheet.cell;
       this.shared = {
         uEye: [0, 0, 0], uLamp: [0, 0, 0], uAxis: [0, 0, -1], uGain: 1, uRound: [0, 0, 1],
         uNoise: make.texture(noise, PICTURE, PICTURE, { repeats: true, quick: given.plain }), uSlopes: make.texture(slopes, PICTURE, PICTURE, { repeats: true, quick: given.plain }),
         uField: this.field, uBox: [sheet.x0 - sheet.cell / 2, sheet.y0 - sheet.cell / 2, wide, high],
-        uRods: 0, uRodFrom: this.rods[0], uRodTo: this.rods[1], uWell: this.wells, uDent: this.dents,
+        uRods: 0, uRodFrom: this.rods[0], uRodTo: this.rods[1], uWell: this.wells, uDent: this.dents, uTips: this.tips,
         uNodes: state.nodeTexture, uEnds: state.endTexture,
       };
       for (const [name, value] of Object.entries(this.shared)) this.shared[name] = { value };
@@ -267,6 +268,7 @@
         }
         if (!shown) return;
         this.pivotError = Math.max(this.pivotError, shown.show(hand, rods));
+        this.tips.set(hand.tip, 3 * i);
         if (hand.holds) this.dents.set([...hand.tip, 2.5], 4 * i);
       });
       rods.slice(0, 8).forEach(({ from, to, radius }, m) => { this.rods[0].set([...from, radius], 4 * m); this.rods[1].set([...to, 0], 4 * m); });

@@ -1,12 +1,12 @@
 // Mouse, fingers and wheel at the scope's picture: the tip goes under the pointer, at its depth, or
-// the handle goes as far as the pointer. What is led goes to a widget of the server's as short texts;
-// `viewer` is `run_picture`'s.
+// the handle goes as far as the pointer; the wheel takes the instrument in and out along its shaft.
+// What is led goes to a widget of the server's as short texts; `viewer` is `run_picture`'s.
 (() => {
   const scope = window.bluntdissectScope;
   if (scope.lead) return;
-  const { add, sub, dot } = scope.algebra;
+  const { add, sub, dot, unit } = scope.algebra;
   const LEAST_MS = 33;       // between two messages of one movement
-  const WHEEL_MM = 1.5, PINCH = 0.25;  // mm of depth: a notch of the wheel, and a dot of a pinch
+  const WHEEL_MM = 1.5, PINCH = 0.25;  // mm along the shaft: a notch of the wheel, and a dot of a pinch
   const QUICK_MS = 120, QUICK = 3;     // notches that follow in less time go so many times as far
   const LAGS_MS = 1000;      // for which what was led last counts, and not the tip that is drawn: pictures may come late
   const POINTS = -2;         // in the place of a hand: the pointer marks what it points at
@@ -65,15 +65,16 @@
     down.set(event.pointerId, { x: event.clientX, y: event.clientY });
     if (down.size === 2) {
       const now = spread();
-      deeper(PINCH * (now - apart));
+      slide(PINCH * (now - apart));
       apart = now;
     } else if (lead.hand < 0 || event.buttons === 4) say(`scope ${fixed([-LOOK * across, -LOOK * up, 0, 0])}`);
-    else if (lead.byHandle && lead.under) {
-      const from = lead.under;
-      lead.under = add(scope.picture.pose.tip, wayOf(event), lead.depth);
-      const by = sub(lead.under, from), { right, up: top } = scope.picture.pose;
-      push([dot(by, right), dot(by, top), 0]);
-    } else if (lead.aside) leadTo(add(add(scope.picture.pose.tip, wayOf(event), lead.depth), lead.aside));
+    else if (lead.under) {
+      const from = lead.under, { tip, right, up: top } = scope.picture.pose;
+      lead.under = add(tip, wayOf(event), lead.depth);
+      const by = sub(lead.under, from);
+      if (lead.byHandle) push([dot(by, right), dot(by, top), 0]);
+      else leadTo(add(lead.under, lead.aside));
+    }
   };
   const lift = event => {
     if (!down.delete(event.pointerId) || down.size) return;
@@ -88,23 +89,30 @@
     if (down.size && lead?.hand >= 0) say("stop");
     down.clear();
   };
-  const deeper = mm => {
+  // In along the shaft, or out, mm; the scope along its own.
+  const slide = mm => {
     const { picture } = scope;
     if (!picture?.pose || !mm) return;
     if (lead.hand < 0) { say(`scope ${fixed([0, 0, mm, 0])}`); return; }
     if (lead.byHandle) { push([0, 0, mm]); return; }
     const from = down.size && lead.target ? lead.target : picture.state.hand(lead.hand).tip;
     const late = performance.now() - lead.at < LAGS_MS;
-    const start = waiting || down.size || late ? lead.target ?? from : from, offset = sub(start, picture.pose.tip), now = depthOf(start);
-    lead.depth = Math.max(8, now + mm);
-    leadTo(add(picture.pose.tip, offset, lead.depth / now));
+    const start = waiting || down.size || late ? lead.target ?? from : from;
+    const target = add(start, unit(sub(start, picture.given.trocars[lead.hand])), mm), before = lead.depth;
+    lead.depth = depthOf(target);
+    // A pointer that is pressed goes on from there.
+    if (down.size && lead.under) {
+      lead.under = add(picture.pose.tip, sub(lead.under, picture.pose.tip), lead.depth / before);
+      lead.aside = sub(target, lead.under);
+    }
+    leadTo(target);
   };
   const turn = event => {
     if (!scope.picture || event.target !== viewer.canvas()) return;
     event.preventDefault();
     event.stopPropagation();
     if (event.ctrlKey || event.shiftKey) say(`scope ${fixed([0, 0, 0, Math.sign(event.deltaY) * 0.12])}`);
-    else deeper(-Math.sign(event.deltaY) * WHEEL_MM * (event.timeStamp - notchAt < QUICK_MS ? QUICK : 1));
+    else slide(-Math.sign(event.deltaY) * WHEEL_MM * (event.timeStamp - notchAt < QUICK_MS ? QUICK : 1));
     notchAt = event.timeStamp;
   };
   const nothing = event => { if (event.target === viewer.canvas()) event.preventDefault(); };
