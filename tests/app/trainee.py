@@ -96,7 +96,7 @@ class Trainee:
         self._led()
 
     def drag(self, place: Floats) -> None:
-        """Take the tip under the pointer, at its depth, from where the wheel leads it to a place."""
+        """Take the tip under the pointer, at its depth, whence the wheel leads it to a place."""
         shaft, back = TROCARS[self.lead.hand].shaft(place), self.held.camera.axes[:, 2]
         far = float((self.tip - place) @ back) / float(shaft @ back)
         self._move(place + far * shaft)
@@ -315,8 +315,7 @@ class Trainee:
     def close(self, instrument: Instrument, tube: str, stations: tuple[float, ...]) -> None:
         """Bring open jaws past a tube on either side, and close them, at some places of it.
 
-        The tip is led there in front of the tube. Led by its handle (F) it then goes along its
-        shaft by the wheel.
+        The tip is led there in front of the tube, and then goes along its shaft by the wheel.
         """
         self.take(1, instrument)
         for station in stations:
@@ -326,17 +325,9 @@ class Trainee:
             across = np.cross(shaft, self.at(tube, station + 0.5) - self.at(tube, station - 0.5))
             self.turn_to(across / np.linalg.norm(across))
             deeper = round((float((self.tip - place) @ shaft) + PAST) / NOTCH_MM)
-            self.push(deeper)
+            self.wheel(deeper)
             self.use()
-            self.push(-deeper)
-
-    def push(self, notches: int) -> None:
-        """Take the instrument in along its shaft by notches, or out, led by its handle."""
-        self.lead.by_handle = True
-        for _ in range(abs(notches)):
-            self.send(f"push 0 0 {math.copysign(NOTCH_MM, notches)}")
-            self._led()
-        self.lead.by_handle = False
+            self.wheel(-deeper)
 
     def points(self) -> tuple[int, int, int]:
         """Return the points of the two tubes, the triangle and the plate."""

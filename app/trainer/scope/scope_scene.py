@@ -52,7 +52,7 @@ class Led(Protocol):
 
     @property
     def ring(self) -> tuple[float, ...] | None:
-        """Place, mm, and directions of bar and line, and hand of the ring, (10,); None without one."""
+        """Place, mm, directions of bar and line, and hand of the ring, (10,); None without one."""
         ...
 
     def take_request(self) -> bool:
