@@ -559,8 +559,9 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     while (step := asked()).words.startswith(aside):
         to_ring = lead.to_ring
         assert to_ring is not None
-        far.append(math.dist(tissue.hands[0].tip, step.place))
-        lead.lead_hand(np.array(step.place))
+        place = np.array(step.place)
+        far.append(math.dist(tissue.hands[0].tip, place))
+        lead.lead_hand(place)
         pass_time(lead, session, 1.0)
     assert 1 < len(far) <= STAGES
     assert far == pytest.approx([STAGE_MM] * len(far), rel=0.25)
@@ -588,7 +589,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     # Right and up under the pointer, and then in by the wheel, it comes into the ring.
     to_ring = lead.to_ring
     assert to_ring is not None
-    lead.nudge(*to_ring[:2], 0.0)
+    lead.nudge(to_ring[0], to_ring[1], 0.0)
     pass_time(lead, session, 2.0)
     left = lead.to_ring
     assert left is not None

@@ -528,7 +528,7 @@ class ScopeLead:
         if holder.node is not None:
             tip = holder.tip
             state.let_go(hand)
-            if holder.node is None:  # and not held by a device
+            if state.hands[hand].node is None:  # and not held by a device
                 self.session.move_hand(hand, tip)
             return
         found = near_place(state.session.spatial.beam, holder.place)
