@@ -55,6 +55,8 @@ GRIPPED = 0.85
 """Of the pull at which tissue slips out of a grasper, from which on it is drawn no further."""
 PUSHES_N = 0.1
 """Force from which on a hand can be what strains a wall."""
+MOVED_MM = 0.05
+"""Between two judgements, from which on a hand has moved."""
 LONGEST = 20
 """Judgements for which one hand is asked to slacken a wall until the other is: some 10 s."""
 LEFT = 0
@@ -103,6 +105,7 @@ class Guidance:
         self._strains: int | None = None  # the hand that strains a wall
         self._asked = 0  # judgements for which it has been asked to slacken that
         self._places_then = self._hand_places  # at the last judgement
+        self._mover = LEFT  # the hand that moved last
 
     def next_step(self, exercise: Exercise, *, viewed: bool) -> NextStep | None:
         """Return what an exercise asks for next, once `viewed` what closes; None if nothing."""
@@ -220,9 +223,11 @@ class Guidance:
 
     def _strained(self) -> NextStep | None:
         """Return how a wall is slackened that is too taut for jaws to have room, if one is."""
-        # The hand that strains it is the one that has moved most.
+        # The hand that strains it is the one that moved last.
         now = self._hand_places
         moved, self._places_then = ((now - self._places_then) ** 2).sum(axis=1), now
+        if moved.max() > MOVED_MM**2:
+            self._mover = int(moved.argmax())
         pushes = (np.array(self.tissue.forces) ** 2).sum(axis=1) > PUSHES_N**2
         ratio, opened = self.tissue.stress_ratio, any(each.opening for each in self.tissue.hands)
         # From where it is too taut to where it no longer is, it goes on being slackened.
@@ -230,10 +235,10 @@ class Guidance:
             self._strains = None
             return None
         if self._strains is not None and pushes.all() and self._asked > LONGEST:
-            moved[self._strains], self._strains = -1.0, None
+            self._mover, self._strains = 1 - self._strains, None
         self._asked += 1
         if self._strains is None or not pushes[self._strains]:
-            self._strains, self._asked = int(np.where(pushes, moved, -2.0).argmax()), 0
+            self._strains, self._asked = self._mover if pushes[self._mover] else int(pushes[1]), 0
             pulling = self._pulling
             # What is strained has been drawn.
             if pulling is not None and pulling.start is not None:
