@@ -29,7 +29,7 @@ from app.simulation.exercises.next_step import (
 )
 from app.simulation.inputs.inputs import HOLDING
 from app.simulation.tissue.jaw_steps import IN_RING_MM, RIGHT, TAUT, JawSteps, three
-from app.simulation.tissue.parting import PartingPlaces, Site
+from app.simulation.tissue.parting import FEW, PartingPlaces, Site
 from app.simulation.tissue.safety import Safety
 
 __all__ = ["Guidance"]
@@ -46,9 +46,8 @@ STAGES, STAGE_MM = 3, 3.0
 """In which it is drawn, and mm of each."""
 MOST_TRIES = 3
 """Places that jaws have been at, after which the gallbladder is drawn otherwise."""
-MOST_FAILED, FEW = 2, 5
-"""How often little may part for one part of the view until another is asked for, and how few
-strands are little."""
+MOST_FAILED = 2
+"""How often few strands may part for one part of the view until another is asked for."""
 EASED = 0.45
 """Of a wall's break, to which what pulls is slackened once it is over `TAUT`."""
 GRIPPED = 0.85
@@ -151,7 +150,7 @@ class Guidance:
         if jaws.is_over:
             self._jaws = None
             if jaws.tried and self._part is not None:
-                self._places.note_tried(jaws.site)
+                self._places.note_tried(jaws.site, jaws.parted)
                 self._tries += 1
                 self._failed[self._part] = 0 if jaws.parted > FEW else self._failed[self._part] + 1
 

@@ -8,6 +8,7 @@ tips.
 """
 
 import math
+from collections import Counter
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from app.simulation.exercises.critical_view import OPENED, SOME, CriticalView, P
 from app.simulation.exercises.next_step import Where
 from app.simulation.tissue.safety import Safety
 
-__all__ = ["PartingPlaces", "Site"]
+__all__ = ["FEW", "PartingPlaces", "Site"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,6 +38,8 @@ BENT_PAST_MM = 2.0
 AGAIN, FORGOTTEN = 0.3, 60
 """Weight of a place where jaws have been; and strands that part until it has its whole weight
 again."""
+FEW = 5
+"""How few strands are few."""
 LEFT_OVER = 0.25
 """Of the strands near a place, up to which nothing is left to part there."""
 
@@ -66,6 +69,7 @@ class PartingPlaces:
         self._safety, self._tissue = safety, safety.tissue
         # Where jaws have been, (3,) mm, and the strands that had parted then.
         self._tried = list[tuple[Floats, int]]()
+        self._fruitless = Counter[int]()  # how often few strands of a group have parted
 
     def best(self, view: CriticalView, part: Part) -> Site | None:
         """Return where jaws part next what a part of the view lacks; None if nothing holds it."""
@@ -85,9 +89,14 @@ class PartingPlaces:
         """Return whether there is still something to part."""
         return int(self._whole[site.near].sum()) > LEFT_OVER * site.near.size
 
-    def note_tried(self, site: Site) -> None:
-        """Weigh a place less from now on: jaws have opened there."""
+    def note_tried(self, site: Site, parted: int) -> None:
+        """Weigh a place less from now on: jaws have opened there, and parted so many strands.
+
+        Where they were few, all places of the group are weighed less, until many part there.
+        """
         self._tried.append((self.place_of(site) - site.offset, self._tissue.beam.broken))
+        group = self._group(site.strands)[0]
+        self._fruitless[group] = 0 if parted > FEW else self._fruitless[group] + 1
 
     @property
     def _whole(self) -> NDArray[np.bool_]:
@@ -104,11 +113,14 @@ class PartingPlaces:
 
     def _groups(self, which: Ints) -> list[Ints]:
         """Return strands by the two tubes that they hold."""
+        groups = self._group(which)
+        return [which[groups == each] for each in np.unique(groups)]
+
+    def _group(self, which: Ints) -> Ints:
+        """(S,) a number of both tubes that strands hold, whichever of them they grow from."""
         strands = self._tissue.tubes.strands
-        # A number of both ends, whichever of them it grows from.
         of, to = strands.tubes[which], strands.to[which]
-        ends = np.maximum(of, to) * len(self._tissue.tubes.names) + np.minimum(of, to) + 1
-        return [which[ends == each] for each in np.unique(ends)]
+        return np.maximum(of, to) * len(self._tissue.tubes.names) + np.minimum(of, to) + 1
 
     def _site(self, view: CriticalView, group: Ints) -> Site:
         """Return where to part a group of strands, and how."""
@@ -118,6 +130,7 @@ class PartingPlaces:
         middles, through, beside = self._middles(group), None, None
         places, tangents = self._beside(group) if where == "under" else (middles, middles)
         at, weight = self._weighed(places, middles)
+        weight *= AGAIN ** self._fruitless[int(self._group(group[:1])[0])]
         near = ((middles - middles[at]) ** 2).sum(axis=1) < NEAR_MM**2
         anchor, place = group[at : at + 1], places[at].copy()
         if where == "under":

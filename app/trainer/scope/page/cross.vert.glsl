@@ -7,5 +7,5 @@ void main() {
   vPlace = uPlace;
   vNormal = vec3(0.0, 0.0, 1.0);
   // Where the tip is in the ring, or too deep for it, there is none.
-  gl_Position = far > 2.0 && far < 60.0 ? projectionMatrix * (ring + vec4(far * back, 0.0) + vec4(vOn, 0.0, 0.0)) : vec4(2.0, 2.0, 2.0, 1.0);
+  gl_Position = far > 2.0 ? projectionMatrix * (ring + vec4(far * back, 0.0) + vec4(vOn, 0.0, 0.0)) : vec4(2.0, 2.0, 2.0, 1.0);
 }

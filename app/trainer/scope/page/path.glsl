@@ -4,8 +4,8 @@ uniform float uHand;
 attribute vec2 place;
 varying vec3 vPlace, vNormal;
 varying vec2 vOn;
-// How far along it is as deep in the picture as the tip is, mm.
+// How far along it is as deep in the picture as the tip is, mm; no further than is seen of it.
 float begins(vec4 ring, vec3 back) {
   vec4 tip = modelViewMatrix * vec4(uHand < 0.5 ? uTips[0] : uTips[1], 1.0);
-  return (tip.z - ring.z) / (abs(back.z) > 0.2 ? back.z : back.z < 0.0 ? -0.2 : 0.2);
+  return min((tip.z - ring.z) / (abs(back.z) > 0.2 ? back.z : back.z < 0.0 ? -0.2 : 0.2), 18.0);
 }
