@@ -32,6 +32,8 @@ NOTCH_MM, TURN = 1.5, 0.15
 """Of the wheel, and rad of a key: as page/pointer.js and the panel's keys have them."""
 PAUSE = 0.3
 """s in which one looks before one goes on."""
+STEP_MM = 2.0
+"""Of what is led straight."""
 AWAY = 4.0
 """mm off a ring, from which on one goes there in front of the tissue."""
 IN_FRONT, PAST = 12.0, 3.0
@@ -43,9 +45,9 @@ TAUT, EASED = 0.66, 0.45
 class Trainee:
     """Somebody who sees the picture, and leads the session by what the page sends."""
 
-    def __init__(self, anatomy: str, exercise: Exercise, grip: float | None = GRIP_N) -> None:
+    def __init__(self, anatomy: str, exercise: Exercise) -> None:
         given = anatomy_named(anatomy)
-        self.session = Session(Specimen.of_anatomy(given), vertices=300, grip_N=grip)
+        self.session = Session(Specimen.of_anatomy(given), vertices=300, grip_N=GRIP_N)
         self.session.start_exercise(exercise)
         self.held = HeldScope(anatomy_network(given))
         state = PageState(MagicMock(), self.session, cast(Workers, None))
@@ -102,6 +104,14 @@ class Trainee:
         self._move(place + far * shaft)
         self.send("stop")
 
+    def over(self, place: Floats) -> None:
+        """Take the tip under the pointer where a place is seen, at the depth that it has."""
+        camera = self.held.camera
+        depth = -float((self.tip - camera.tip) @ camera.axes[:, 2])
+        ray = place - camera.tip
+        self._move(camera.tip + ray * (depth / -float(ray @ camera.axes[:, 2])))
+        self.send("stop")
+
     def wheel(self, notches: int) -> None:
         """Take the tip in along its shaft by notches, or out; stop where it is stopped."""
         for _ in range(abs(notches)):
@@ -119,6 +129,12 @@ class Trainee:
             self.wheel(round(into / NOTCH_MM))
         self.drag(place)
         self.wheel(round(float((self.tip - place) @ shaft) / NOTCH_MM))
+
+    def straight_to(self, place: Floats) -> None:
+        """Lead the tip straight to a place, pointer and wheel by turns."""
+        start = self.tip.copy()
+        for part in np.linspace(0.0, 1.0, 1 + math.ceil(math.dist(start, place) / STEP_MM))[1:]:
+            self.to(start + part * (place - start))
 
     def take(self, hand: int, instrument: Instrument) -> None:
         """Choose a hand and its instrument in the panel."""
@@ -206,17 +222,17 @@ class Trainee:
         """Lead the closed right angle along its tip, part and close its jaws, and go back."""
         self.take(1, "right angle")
         self.wheel(-6)
-        self.drag(start)
+        self.over(start)
         self.turn_tip(direction)
-        self.to(start)
+        self.straight_to(start)
         begun = self.tip.copy()
-        self.to(end)
+        self.straight_to(end)
         self.use()
         for _ in range(8):
             if self.session.spatial.hands[1].target_opening <= 0.0:
                 break
             self.use()
-        self.to(begun)
+        self.straight_to(begun)
         self.wheel(-6)
 
     def spread(self, place: Floats, direction: Floats) -> None:
@@ -264,7 +280,7 @@ class Trainee:
             self._turn()
         elif "along its tip" in words or "as it came, into" in words:
             assert place is not None
-            self.to(place)
+            self.straight_to(place)
         elif "follow the ring" in words or "until its tip" in words:
             assert place is not None
             if words != before:
