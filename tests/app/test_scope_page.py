@@ -199,14 +199,13 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
             )
         tab.page.get_by_role("tab", name="Train").click()
         # A notch of the wheel is a small step, one that follows quickly a large one.
-        # Along the view that there was: the assistant may turn it meanwhile.
-        start, back = view.session.spatial.hands[0].place.copy(), page.camera.axes[:, 2].copy()
+        # It goes along the shaft.
+        start = view.session.spatial.hands[0].place.copy()
+        shaft = TROCARS[0].shaft(start)
         tab.page.evaluate(NOTCHES, 3)
 
-        def gone() -> float:
-            return float((start - view.session.spatial.hands[0].place) @ back)
-
-        tab.wait_until(lambda: abs(gone() - 10.5) < 0.5)
+        end = start - 10.5 * shaft
+        tab.wait_until(lambda: math.dist(view.session.spatial.hands[0].place, end) < 0.5)
         # The oblique scope looks from where its algebra says.
         tab.page.keyboard.press("z")
         tab.wait_until(lambda: page.camera.shaft @ page.camera.axes[:, 2] > -0.9)
