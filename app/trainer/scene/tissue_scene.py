@@ -137,7 +137,7 @@ class TissueScene:
                     drawn.contact.press_rods(rods, self._first)
                 for nick in reading.nicks:
                     drawn.contact.open_nick(nick.station, nick.side, nick.depth)
-            self._show(None if colours == "tissue" else self.values(colours))
+            self._show([] if colours == "tissue" else self.values(colours))
             self._annotations.draw(session, reading, figures=figures, overlay=overlay)
 
     def show_ghost(self, ghost: Session | None) -> None:
@@ -157,19 +157,22 @@ class TissueScene:
         self._annotations.say_standing(self._session, figures=figures)
 
     def values(self, colours: Colours) -> list[NDArray[np.float32]]:
-        """Return what each surface's vertices are coloured by, 0 to 1; overwritten."""
+        """Return what each drawn surface's vertices are coloured by, 0 to 1; overwritten."""
         session = self._session
-        surfaces = session.drawn.surfaces
-        if [len(each) for each in self._values] != [len(each.vertices) for each in surfaces]:
-            self._values = [np.empty(len(each.vertices), np.float32) for each in surfaces]
-        for number, (out, surface) in enumerate(zip(self._values, surfaces, strict=True)):
-            if colours == "stress":
-                session.stress(out, number)
-                out /= session.tissue.threshold
-            else:
-                clamp = session.tissue.dissection.clamps[0]
-                out[:] = session.spatial.freed_at(surface.skin.stations - clamp)
-        return self._values
+        with session.lock:
+            if session.drawn.shape != self._shape:  # a click has made others: none until they are
+                return []
+            surfaces = session.drawn.surfaces
+            if [len(each) for each in self._values] != [len(each.vertices) for each in surfaces]:
+                self._values = [np.empty(len(each.vertices), np.float32) for each in surfaces]
+            for number, (out, surface) in enumerate(zip(self._values, surfaces, strict=True)):
+                if colours == "stress":
+                    session.stress(out, number)
+                    out /= session.tissue.threshold
+                else:
+                    clamp = session.tissue.dissection.clamps[0]
+                    out[:] = session.spatial.freed_at(surface.skin.stations - clamp)
+            return self._values
 
     @property
     def view(self) -> Sequence[float]:
@@ -338,13 +341,13 @@ class TissueScene:
             self._drawn.append(DrawnSurface(surface, contact, tissue))
         self._offer_drags()
 
-    def _show(self, values: list[NDArray[np.float32]] | None) -> None:
+    def _show(self, values: list[NDArray[np.float32]]) -> None:
         """Send the surfaces with their marks, as tissue or by the values at their vertices."""
         if self._drag is not None:
             self._drag.follow([drawn.contact.vertices for drawn in self._drawn])
         for number, drawn in enumerate(self._drawn):
             contact = drawn.contact
-            if values is None:
+            if not values:
                 drawn.tissue.show(contact.vertices, contact.shade)
             else:
                 drawn.tissue.show_stress(contact.vertices, values[number])

@@ -29,7 +29,7 @@
     const parts = [["ring.vert"], "ring.frag"], path = name => [["path", `${name}.vert`], `${name}.frag`];
     const shown = [parts, path("line"), path("cross")].map(([vertex, fragment]) =>
       putInFront(picture, square(picture), picture.material(vertex, ["common", fragment], own, SEEN)));
-    return () => shown.forEach(remove => remove());
+    return () => { for (const remove of shown) remove(); };
   };
   const square = ({ make }) =>
     make.geometry({ position: [new Float32Array(12), 3], place: [new Float32Array(CORNERS), 2] }, new Uint32Array([0, 1, 2, 0, 2, 3]));
