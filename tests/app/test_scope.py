@@ -49,6 +49,7 @@ from app.trainer.client.scope_lead import (
     CLOSES_MM_S,
     HOLDS_MM_S,
     JUDGED_TICKS,
+    RISES,
     SPREAD,
     STEADY,
     STOPS_AT,
@@ -484,6 +485,21 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     lead.lead_hand(start + tissue.hands[0].jaws + [0.0, 0.0, 3.0])
     pass_time(lead, session, 1.0)
     assert np.linalg.norm(tissue.hands[0].place - start) > 1.0
+
+
+def test_what_slackens_a_wall_goes_on_while_its_stress_still_rises(lead: ScopeLead) -> None:
+    """A tip follows its hand late: what was pulled a moment ago goes on rising."""
+    taut(lead)
+    session, hand = lead.session, lead.session.spatial.hands[0]
+    lead.choose(0)
+    lead.advance(1)
+    start, before = hand.tip.copy(), session.spatial.stress_ratio
+    session.move_hand(0, hand.place + np.array([0.0, 0.0, 0.5]))
+    session.advance()
+    assert session.spatial.stress_ratio > before + RISES
+    lead.lead_hand(start - [0.0, 0.0, 3.0])
+    pass_time(lead, session, 1.0)
+    assert hand.tip == pytest.approx(start - [0.0, 0.0, 3.0], abs=0.05)
 
 
 def test_jaws_close_by_a_key_however_near_a_break_is(lead: ScopeLead) -> None:

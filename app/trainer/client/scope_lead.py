@@ -32,7 +32,9 @@ from app.simulation import (
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
 
-__all__ = ["CLOSES_MM_S", "HOLDS_MM_S", "JUDGED_TICKS", "SPREAD", "STOPS_AT", "ScopeLead"]
+__all__ = [
+    "CLOSES_MM_S", "HOLDS_MM_S", "JUDGED_TICKS", "RISES", "SPREAD", "STOPS_AT", "ScopeLead",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
