@@ -99,10 +99,13 @@ class Trainee:
 
     def drag(self, place: Floats) -> None:
         """Take the tip under the pointer, at its depth, whence the wheel leads it to a place."""
-        shaft, back = TROCARS[self.lead.hand].shaft(place), self.held.camera.axes[:, 2]
-        far = float((self.tip - place) @ back) / float(shaft @ back)
-        self._move(place + far * shaft)
+        self._move(place + self._far(place) * TROCARS[self.lead.hand].shaft(place))
         self.send("stop")
+
+    def _far(self, place: Floats) -> float:
+        """How far from a place along its shaft it is as deep in the picture as the tip is, mm."""
+        shaft, back = TROCARS[self.lead.hand].shaft(place), self.held.camera.axes[:, 2]
+        return float((self.tip - place) @ back) / float(shaft @ back)
 
     def over(self, place: Floats) -> None:
         """Take the tip under the pointer where a place is seen, at the depth that it has."""
@@ -123,8 +126,7 @@ class Trainee:
 
     def to(self, place: Floats) -> None:
         """Lead the tip to a place: out by the wheel if it is too deep, the pointer, then in."""
-        shaft, back = TROCARS[self.lead.hand].shaft(place), self.held.camera.axes[:, 2]
-        into = float((self.tip - place) @ back) / float(shaft @ back)
+        into, shaft = self._far(place), TROCARS[self.lead.hand].shaft(place)
         if into < 0.0:
             self.wheel(round(into / NOTCH_MM))
         self.drag(place)

@@ -29,7 +29,7 @@ from app.simulation.exercises.next_step import (
 )
 from app.simulation.inputs.inputs import HOLDING
 from app.simulation.tissue.jaw_steps import IN_RING_MM, RIGHT, TAUT, JawSteps, three
-from app.simulation.tissue.parting import FEW, PartingPlaces, Site
+from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.safety import Safety
 
 __all__ = ["Guidance"]
@@ -150,9 +150,9 @@ class Guidance:
         if jaws.is_over:
             self._jaws = None
             if jaws.tried and self._part is not None:
-                self._places.note_tried(jaws.site, jaws.parted)
+                self._places.note_tried(jaws.site, fruitless=jaws.fruitless)
                 self._tries += 1
-                self._failed[self._part] = 0 if jaws.parted > FEW else self._failed[self._part] + 1
+                self._failed[self._part] = self._failed[self._part] + 1 if jaws.fruitless else 0
 
     # The gallbladder
 

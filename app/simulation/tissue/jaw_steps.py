@@ -33,6 +33,8 @@ Three = tuple[float, float, float]
 
 RIGHT = 1
 """Number of the hand that has jaws."""
+FEW = 5
+"""How few strands are few."""
 MOST_STRAINED = 1
 """How often a wall may be too taut at a place."""
 TAUT, STOPS_AT = 0.6, 0.7
@@ -92,9 +94,9 @@ class JawSteps:
         return hand is None or not hand.opening
 
     @property
-    def parted(self) -> int:
-        """The strands that have parted since the place was asked for."""
-        return self._tissue.beam.broken - self._broken
+    def fruitless(self) -> bool:
+        """Whether few strands have parted since the place was asked for."""
+        return self._tissue.beam.broken - self._broken <= FEW
 
     @property
     def tried(self) -> bool:

@@ -19,7 +19,7 @@ from app.simulation.exercises.critical_view import OPENED, SOME, CriticalView, P
 from app.simulation.exercises.next_step import Where
 from app.simulation.tissue.safety import Safety
 
-__all__ = ["FEW", "PartingPlaces", "Site"]
+__all__ = ["PartingPlaces", "Site"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -38,8 +38,6 @@ BENT_PAST_MM = 2.0
 AGAIN, FORGOTTEN = 0.3, 60
 """Weight of a place where jaws have been; and strands that part until it has its whole weight
 again."""
-FEW = 5
-"""How few strands are few."""
 LEFT_OVER = 0.25
 """Of the strands near a place, up to which nothing is left to part there."""
 
@@ -89,14 +87,14 @@ class PartingPlaces:
         """Return whether there is still something to part."""
         return int(self._whole[site.near].sum()) > LEFT_OVER * site.near.size
 
-    def note_tried(self, site: Site, parted: int) -> None:
-        """Weigh a place less from now on: jaws have opened there, and parted so many strands.
+    def note_tried(self, site: Site, *, fruitless: bool) -> None:
+        """Weigh a place less from now on: jaws have opened there.
 
-        Where they were few, all places of the group are weighed less, until many part there.
+        Where that was fruitless, all places of the group are weighed less, until it is not.
         """
         self._tried.append((self.place_of(site) - site.offset, self._tissue.beam.broken))
         group = self._group(site.strands)[0]
-        self._fruitless[group] = 0 if parted > FEW else self._fruitless[group] + 1
+        self._fruitless[group] = self._fruitless[group] + 1 if fruitless else 0
 
     @property
     def _whole(self) -> NDArray[np.bool_]:

@@ -685,16 +685,16 @@ class SpatialTissue:
         if holder.instrument not in HOLDING or self.tears[tube] is not None:
             return None
         self.release(hand)
-        at = self.tubes.surfaces[tube].scale * station
+        at, name = self.tubes.surfaces[tube].scale * station, self.tubes.names[tube]
         try:
-            holder.node = self.beam.take(at, self.tubes.names[tube])
+            holder.node = self.beam.take(at, name)
         except ValueError:  # at a clamp, or on top of the other hook
             return None
         holder.tube = tube
         holder.holds += 1
         holder.pull = 0.0
-        name, axis = self.tubes.names[tube], self.beam.places[holder.node]
-        tip, rest = holder.place, self.tubes.network.tubes[name]
+        axis, tip = self.beam.places[holder.node], holder.place
+        rest = self.tubes.network.tubes[name]
         radius = float(np.interp(at, rest.stations, rest.radius))
         holder.jaws[:] = jaws_on_wall(tip - axis, TROCARS[hand].shaft(tip), radius)
         holder.put(axis)

@@ -225,10 +225,10 @@ class ScopeLead:
         The pointer leads the tip right and up, at its depth, and then the wheel in. None where
         there is no ring for it, or the scope is led.
         """
-        step, ring, holder = self.next_step, self.ring, self._state.hands[self.hand]
-        if step is None or ring is None or self.leads_scope or step.hand != self.hand:
+        step, holder = self.next_step, self._state.hands[self.hand]
+        if step is None or step.place is None or self.leads_scope or step.hand != self.hand:
             return None
-        axes, place = self.held.camera.axes, np.array(ring[:3])
+        axes, place = self.held.camera.axes, np.array(step.place)
         shaft, path = TROCARS[self.hand].shaft(place), place - holder.tip
         # A shaft across the line of sight leads no deeper.
         back = math.copysign(max(abs(float(shaft @ axes[:, 2])), ALONG_SIGHT), shaft @ axes[:, 2])
@@ -239,8 +239,9 @@ class ScopeLead:
     @property
     def in_ring(self) -> bool:
         """Whether the led tip is in the ring."""
-        ring, tip = self.ring, self._state.hands[self.hand].tip
-        return ring is not None and math.dist(ring[:3], tip) < IN_RING_MM
+        step, tip = self.next_step, self._state.hands[self.hand].tip
+        at = None if step is None else step.place
+        return at is not None and math.dist(at, tip) < IN_RING_MM
 
     def point(self, structure: Structure | None) -> None:
         """Let the pointer mark a structure from now on, or lead hands again."""

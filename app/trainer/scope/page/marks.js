@@ -25,10 +25,10 @@
     return putInFront(picture, dots, picture.material(["ends", "mark.vert"], ["common", "mark.frag"], {}, SEEN));
   };
   const drawRing = (picture, ring) => {
-    const own = { uPlace: ring.slice(0, 3), uAlong: ring.slice(3, 6), uBack: ring.slice(6, 9), uHand: ring[9] };
-    const parts = [["ring.vert"], "ring.frag"], path = name => [["path", `${name}.vert`], `${name}.frag`];
-    const shown = [parts, path("line"), path("cross")].map(([vertex, fragment]) =>
-      putInFront(picture, square(picture), picture.material(vertex, ["common", fragment], own, SEEN)));
+    const back = ring.slice(6, 9), own = { uPlace: ring.slice(0, 3), uAlong: ring.slice(3, 6), uBack: back, uHand: ring[9] };
+    const put = (vertex, fragment) => putInFront(picture, square(picture), picture.material(vertex, ["common", fragment], own, SEEN));
+    const shown = [put(["ring.vert"], "ring.frag")];
+    if (back.some(Boolean)) for (const name of ["line", "cross"]) shown.push(put(["path", `${name}.vert`], `${name}.frag`));
     return () => { for (const remove of shown) remove(); };
   };
   const square = ({ make }) =>
