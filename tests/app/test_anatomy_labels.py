@@ -171,6 +171,7 @@ def test_a_case_is_written_and_read_again(volume: LabelVolume, names: Path, tmp_
         )
 
 
+@pytest.mark.long  # each kind of file once
 def test_names_in_headers_masks_and_layers_give_the_same_case(
     volume: LabelVolume, names: Path, tmp_path: Path
 ) -> None:

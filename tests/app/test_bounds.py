@@ -345,7 +345,13 @@ def served() -> Iterator[str]:
         yield running.address
 
 
-@pytest.mark.parametrize("attack", ATTACKS)
+@pytest.mark.parametrize(
+    "attack",
+    [
+        "a flood of messages",
+        *(pytest.param(each, marks=pytest.mark.long) for each in list(ATTACKS)[1:]),
+    ],
+)
 def test_a_page_keeps_its_frames_whatever_another_does(served: str, attack: str) -> None:
     # A third of them, in the best of three: the attacker and other tests take processor time too.
     # Of what is not bounded a page has kept a thirtieth. `make soak` measures the share.

@@ -156,7 +156,9 @@ def two_tubes(path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
+@pytest.mark.parametrize(
+    ("width", "height"), [(390, 844), pytest.param(1280, 800, marks=pytest.mark.long)]
+)
 def test_an_organ_that_is_probably_another_is_asked_about_and_a_click_says_which_is_meant(
     browser: Browser, trainer: Trainer, tmp_path: Path, width: int, height: int
 ) -> None:

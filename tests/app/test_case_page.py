@@ -42,6 +42,7 @@ def joins(case: CaseWorkbench) -> dict[tuple[str, int], str]:
     return {(join.tube, join.end): join.to for join in case.case.anatomy.join}
 
 
+@pytest.mark.long  # a case is built at each choice
 def test_choices_change_what_they_name_and_nothing_else(workbench: CaseWorkbench) -> None:
     """A join taken away and given back, a tube left out and taken in: the same to the byte."""
     case = workbench

@@ -363,6 +363,7 @@ def test_a_lesson_from_the_first_name_to_the_restart(
     assert not errors, errors
 
 
+@pytest.mark.long  # two pages of the scope
 def test_a_level_at_an_anatomy_opens_the_scope_and_is_watched_and_replayed_there(
     browser: Browser, tmp_path: Path
 ) -> None:

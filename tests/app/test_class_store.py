@@ -166,6 +166,7 @@ def test_a_title_gives_a_file_in_the_folder_of_classes_only(title: str) -> None:
     assert ".." not in path.parts
 
 
+@pytest.mark.long  # processes are killed
 def test_what_was_acknowledged_survives_kills(tmp_path: Path) -> None:
     path = tmp_path / "class.sqlite"
     ClassStore.new(path, "Killed").close()

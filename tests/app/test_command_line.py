@@ -221,6 +221,7 @@ def test_export_torn_is_two_closed_pieces(duct: Path, tmp_path: Path) -> None:
     assert len(mesh.vertices) == facts["vertices"]
 
 
+@pytest.mark.long  # a real organ
 def test_the_real_duct_goes_through_the_same_commands(data_dir: Path, tmp_path: Path) -> None:
     organ = tmp_path / "duct.organ"
     done = run("compress", data_dir / "bile_duct_perpendicular" / "masks", "-o", organ, "--json")

@@ -425,6 +425,7 @@ def test_a_stored_run_of_version_3_plays_as_it_was_recorded() -> None:
     assert again | {"strands_broken_by_hand": by_hand} == found.metrics
 
 
+@pytest.mark.long  # all is compiled for another processor
 def test_a_run_is_the_same_on_another_processor() -> None:
     """BLAS and numpy choose their kernels by the processor, with last digits of their own."""
     older = {

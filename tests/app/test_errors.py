@@ -42,14 +42,14 @@ TISSUE = Conditions(1.5, 4.0, 4.445, 0.5, 36)
     [(each, bed) for each, bed in zip(FAULTS, itertools.cycle(BEDS), strict=False)],
     ids=lambda each: each if isinstance(each, str) else f"{each.exercise} {each.name}",
 )
-def test_a_fault_is_named_at_any_speed_and_fails(each: Fault, bed: str) -> None:
-    seeds = each.anatomies or (21, 22, 23)
-    for speed, seed in zip(each.speeds, seeds, strict=True):
-        outcome, incidents = done(
-            each.exercise, each.bed or bed, seed, each.make, speed, tremor=0.15
-        )
-        assert each.named & {incident.error for incident in incidents}, (speed, outcome)
-        assert not outcome.passed, (speed, outcome)
+@pytest.mark.parametrize(
+    "number", [1, *(pytest.param(each, marks=pytest.mark.long) for each in (0, 2))]
+)
+def test_a_fault_is_named_at_any_speed_and_fails(each: Fault, bed: str, number: int) -> None:
+    speed, seed = each.speeds[number], (each.anatomies or (21, 22, 23))[number]
+    outcome, incidents = done(each.exercise, each.bed or bed, seed, each.make, speed, tremor=0.15)
+    assert each.named & {incident.error for incident in incidents}, outcome
+    assert not outcome.passed, outcome
 
 
 @pytest.mark.parametrize("each", CHEATS, ids=lambda each: f"{each.exercise} {each.name}")
@@ -61,7 +61,9 @@ def test_no_cheat_passes(each: Cheat) -> None:
             assert [incident.error for incident in incidents] == ["ploughing"]
 
 
-@pytest.mark.parametrize("bed", BEDS)
+@pytest.mark.parametrize(
+    "bed", ["normal", *(pytest.param(each, marks=pytest.mark.long) for each in BEDS[1:])]
+)
 def test_good_hands_make_no_errors_and_few_where_they_tremble(bed: str) -> None:
     seeds = range(21, 25)
     for name in exercises(bed):

@@ -309,7 +309,13 @@ def session_on(duct: str) -> Session:
 HANDS = {"careful": CAREFUL, "hasty": HASTY, "clumsy": CLUMSY}
 
 
-@pytest.mark.parametrize("feedback", list(Feedback))
+@pytest.mark.parametrize(
+    "feedback",
+    [
+        Feedback.CONTINUOUS,
+        *(pytest.param(each, marks=pytest.mark.long) for each in list(Feedback)[1:]),
+    ],
+)
 @pytest.mark.parametrize("duct", DUCTS)
 def test_a_careful_hand_passes_every_exercise_and_the_others_none(
     duct: str, feedback: Feedback

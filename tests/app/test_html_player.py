@@ -35,6 +35,7 @@ def top_of(dissection: Dissection, vertices: np.ndarray) -> float:
     return float(vertices[:, 2].max())
 
 
+@pytest.mark.long  # twice through in software
 def test_page_plays_pull_and_tear_the_same_each_time_through(tmp_path: Path) -> None:
     wanted = order()
     dissection, event = wanted.dissection, wanted.break_event

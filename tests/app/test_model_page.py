@@ -80,7 +80,9 @@ def test_an_organ_that_is_practised_on_is_solved_as_its_own(
         expect(duct).to_have_attribute("data-own-sections", "0")
 
 
-@pytest.mark.parametrize("label", ["Cubic beam (Rayleigh)", "Exact beam"])
+@pytest.mark.parametrize(
+    "label", ["Exact beam", pytest.param("Cubic beam (Rayleigh)", marks=pytest.mark.long)]
+)
 def test_page_and_solve_show_the_same_digits(
     browser: Browser, own_trainer: Trainer, tube_file: Path, label: str
 ) -> None:

@@ -50,6 +50,7 @@ def test_mutated_files_are_taken_or_refused_in_words(
     assert words
 
 
+@pytest.mark.long  # processes are killed
 def test_a_killed_export_leaves_the_old_file_or_the_new_one() -> None:
     script = Path(file_fuzz.__file__).with_name("kill_fuzz.py")
     killed = subprocess.run(

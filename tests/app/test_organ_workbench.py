@@ -314,7 +314,13 @@ def volume(values: np.ndarray, suffix: str, place: Path) -> bytes:
     return path.read_bytes()
 
 
-@pytest.mark.parametrize("suffix", [".nii", ".nii.gz", ".nrrd", ".mha"])
+@pytest.mark.parametrize(
+    "suffix",
+    [
+        ".nii.gz",
+        *(pytest.param(each, marks=pytest.mark.long) for each in (".nii", ".nrrd", ".mha")),
+    ],
+)
 @pytest.mark.parametrize("in_a_zip", [False, True])
 def test_a_volume_gives_the_bytes_of_compress(
     bench: OrganWorkbench, tmp_path: Path, suffix: str, in_a_zip: bool

@@ -66,7 +66,7 @@ def test_the_thesis_s_bar_on_another_organ_says_so(tube_file: Path, tmp_path: Pa
 
 @pytest.mark.parametrize("theory", list(THEORIES))
 @pytest.mark.parametrize("preset", list(presets()))
-@pytest.mark.parametrize("whose", ["shipped", "own"])
+@pytest.mark.parametrize("whose", ["own", pytest.param("shipped", marks=pytest.mark.long)])
 def test_page_solve_and_export_agree_to_the_digit(
     whose: str, preset: str, theory: str, tube_file: Path, tmp_path: Path
 ) -> None:

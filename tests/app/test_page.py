@@ -97,6 +97,7 @@ def force_field(tab: TrainerPage) -> Locator:
     return row.locator("input:not([type=hidden])")
 
 
+@pytest.mark.long  # waits for many figures
 def test_force_field_takes_a_wish_at_any_time_and_shows_what_acts(
     browser: Browser, trainer: Trainer
 ) -> None:

@@ -123,10 +123,14 @@ def test_careful_hands_pass_the_critical_view_and_close_both_structures() -> Non
     assert session.run_file() == recorded.run, "record it again: examples/careful_run.py"
 
 
-def test_the_recorded_careful_run_is_replayed_to_its_result() -> None:
+@pytest.mark.parametrize(
+    ("name", "points"),
+    [("first_view", 3), pytest.param("critical_view", 5, marks=pytest.mark.long)],
+)
+def test_the_recorded_careful_run_is_replayed_to_its_result(name: str, points: int) -> None:
     """What *Show me* plays at once comes out again: measures, errors, and the view reached."""
     session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
-    exercise = next(each for each in exercises_offered(session) if each.name == "critical_view")
+    exercise = next(each for each in exercises_offered(session) if each.name == name)
     session.start_exercise(exercise)
     recorded = careful_run(session)
     replay = Replay(recorded.run.log, session.tissue.dissection.organ, tore=False)
@@ -136,12 +140,12 @@ def test_the_recorded_careful_run_is_replayed_to_its_result() -> None:
     assert recorded.run.outcome is not None
     assert recorded.run.outcome.passed
     assert recorded.run.log.exercise == exercise
-    assert recorded.run.metrics["critical_view_points"] == 5
+    assert recorded.run.metrics["critical_view_points"] == points
     assert recorded.run.metrics["tear"] is None
     # Of all tubes, and each press says which.
     presses = [each for each in recorded.incidents if each.error == "instrument_on_wall"]
     names = session.spatial.tubes.names
-    assert {names[each.tube] for each in presses} == set(names)
+    assert len({names[each.tube] for each in presses}) > 1
     for each in presses:
         assert each.values["what"] == f"the {tube_title(names[each.tube])}"
         assert each.station_mm is not None

@@ -196,7 +196,9 @@ def running(
             process.terminate()
 
 
-@pytest.mark.parametrize(("name", "proxy"), [("nginx", nginx), ("caddy", caddy)])
+@pytest.mark.parametrize(
+    ("name", "proxy"), [("nginx", nginx), pytest.param("caddy", caddy, marks=pytest.mark.long)]
+)
 def test_behind_a_proxy_under_a_path_a_browser_gets_in_and_trains(
     name: str, proxy: Proxy, certificate: tuple[Path, Path], browser: Browser, tmp_path: Path
 ) -> None:

@@ -218,6 +218,7 @@ def test_arguments_that_make_no_sense_are_named(arguments: dict[str, Any], words
         gymnasium.make(ID, **arguments)
 
 
+@pytest.mark.long  # a process compiles anew
 def test_a_first_start_says_that_it_compiles() -> None:
     """In a process of its own, with a kernel of which no machine code is kept."""
     code = (

@@ -85,6 +85,7 @@ def test_lerobot_s_files_hold_the_same_frames(made: Path) -> None:
         assert each["stats/action/max"] == pytest.approx(file["actions"][:-1].max(axis=0))
 
 
+@pytest.mark.long  # a process is ended
 def test_a_data_set_that_was_ended_goes_on(made: Path) -> None:
     kept, lost = (made / "data" / str(number) / "part-0.parquet" for number in (0, 2))
     before, again = kept.stat().st_mtime_ns, lost.read_bytes()

@@ -231,6 +231,7 @@ def test_rows_are_what_each_duct_bears_and_carry_their_units(tmp_path: Path) -> 
     assert len(lines) == 17
 
 
+@pytest.mark.long  # processes are killed
 def test_results_are_the_same_to_the_bit_whatever_dies(tmp_path: Path) -> None:
     plan = read_plan(written(tmp_path, samples=6 * 341, indices=False, more=""))
     alone = run_study(plan, tmp_path / "alone", workers=1)
@@ -280,6 +281,7 @@ def test_a_killed_program_goes_on_where_it_was(tmp_path: Path) -> None:
     assert "holds results of another plan" in output
 
 
+@pytest.mark.long  # a cluster starts
 def test_a_dask_cluster_gives_the_same(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     plan = read_plan(written(tmp_path, samples=2100))

@@ -320,6 +320,7 @@ def test_a_signal_while_it_compiles_ends_it_at_once(number: signal.Signals, tmp_
     assert process.returncode == (0 if output.startswith("The trainer is ready") else -number)
 
 
+@pytest.mark.long  # many tabs
 def test_tabs_that_close_while_they_are_drawn_are_no_fault(browser: Browser) -> None:
     with started("--port", 0, "--look", "plain", "--mode", "pull") as (process, address):
         for _ in range(3):

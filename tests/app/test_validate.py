@@ -51,6 +51,7 @@ def test_errors_against_ansys(
         assert found["mean_error_percent"] <= found["max_error_percent"]
 
 
+@pytest.mark.long  # all that docs/validation.md holds
 @pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_page_and_figures_are_written_and_are_those_of_docs(
     whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

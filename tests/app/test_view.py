@@ -31,6 +31,7 @@ def drag(tab: TrainerPage, start: tuple[float, float], end: tuple[float, float])
         tab.next_picture()
 
 
+@pytest.mark.long  # the camera comes to rest in software
 def test_view_stays_above_the_bed_and_comes_home(browser: Browser, trainer: Trainer) -> None:
     with trainer_page(browser, trainer.address, width=900, height=600) as tab:
         page, mouse = tab.page, tab.page.mouse
@@ -213,7 +214,9 @@ STARTS: dict[SceneName, tuple[str, ...]] = {"calot": ("x", "ArrowUp"), "bed": ("
 """Keys by which a hand begins a run."""
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize(
+    "scene", ["calot", *(pytest.param(each, marks=pytest.mark.long) for each in ("bed", "free"))]
+)
 def test_axe_finds_nothing_serious_on_any_tab_or_dialog(
     browser: Browser, trainer: Trainer, scene: SceneName
 ) -> None:
@@ -256,6 +259,7 @@ def test_axe_finds_nothing_serious_on_any_tab_or_dialog(
         expect(dialog).to_have_count(0)
 
 
+@pytest.mark.long  # axe-core reads whole pages
 def test_axe_finds_nothing_serious_in_a_series_of_pictures(
     browser: Browser, trainer: Trainer
 ) -> None:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import viser
 
 from app.trainer.server import warm_up
@@ -23,6 +24,7 @@ def test_every_icon_of_the_panel_is_read_ahead() -> None:
     assert {getattr(viser.Icon, name) for name in used} == set(warm_up.ICONS)
 
 
+@pytest.mark.long  # a process of its own
 def test_nothing_is_compiled_after_the_warming() -> None:
     """In a process of its own: this one has compiled for other tests."""
     run = subprocess.run(

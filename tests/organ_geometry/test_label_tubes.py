@@ -52,7 +52,7 @@ def found_fork(angle: float, portion: int, turned: bool) -> tuple[LabelTubes, Fl
 
 
 @pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("portion", [2, 4, 8])
+@pytest.mark.parametrize("portion", [2, 4, pytest.param(8, marks=pytest.mark.long)])
 @pytest.mark.parametrize("angle", [40.0, pytest.param(70.0, marks=pytest.mark.long)])
 def test_a_fork_s_joins_angles_and_radii_converge(angle: float, portion: int, turned: bool) -> None:
     found, turn = found_fork(angle, portion, turned)
@@ -85,6 +85,7 @@ def test_a_joined_tube_s_surface_reaches_into_the_one_that_it_joins() -> None:
         assert apart < 0.5 * to.radius_at(station)
 
 
+@pytest.mark.long  # an organ is built twice
 def test_the_same_labels_stored_the_other_way_round_give_the_same_bytes(tmp_path: Path) -> None:
     volume = drawn_volume(forked(40.0), RADIUS / 3)
     found = [
@@ -248,6 +249,7 @@ CYSTIC_STATION = 73.1
 """Where the cystic duct of the atlas joins the common duct, mm from its lower end."""
 
 
+@pytest.mark.long  # a real volume
 @pytest.mark.parametrize("name", ["labels", pytest.param("labels_hard", marks=pytest.mark.long)])
 def test_the_atlas_is_found_again(name: str, data_dir: Path) -> None:
     """Against the atlas's own meshes: the decoded organ's wall where no other tube's label is."""

@@ -548,6 +548,7 @@ def real(data_dir: Path, name: str) -> BuiltOrgan:
     return build_organ(read_image_stack(data_dir / name / "masks"))
 
 
+@pytest.mark.long  # real organs
 @pytest.mark.parametrize(
     ("name", "size"),
     [

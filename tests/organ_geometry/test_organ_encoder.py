@@ -61,7 +61,9 @@ def test_a_bent_tube_is_bent_by_its_axis_alone() -> None:
     np.testing.assert_allclose(radii, 40.0, atol=0.06 * RADIUS)
 
 
-@pytest.mark.parametrize("fraction", [0.01, 0.02, 0.05])
+@pytest.mark.parametrize(
+    "fraction", [0.02, *(pytest.param(each, marks=pytest.mark.long) for each in (0.01, 0.05))]
+)
 @pytest.mark.parametrize("lumen", [None, 0.6])
 def test_the_promise_holds_on_tubes(fraction: float, lumen: float | None) -> None:
     for contours in (cylinder(lumen=lumen, noise=0.004 * RADIUS), bent_tube(lumen=lumen)):

@@ -40,6 +40,7 @@ def contours_of(name: str) -> tuple[tuple[SectionContour, ...], float, bool]:
     return fitted.contours, fitted.mean_radius, left_handed
 
 
+@pytest.mark.long  # a real organ
 @pytest.mark.parametrize("name", SETS)
 def test_every_slice_keeps_to_every_tolerance(name: str) -> None:
     if not (DATA / name / "masks").is_dir():

@@ -114,6 +114,7 @@ def issue(elements: int, strands: int, steps: int) -> History:
     return pull(beam, bed, [Hand(at=160.0, path=((0, 0, 30.0),), steps=steps)])
 
 
+@pytest.mark.long  # meshes up to four times as fine
 def test_neither_mesh_nor_strands_nor_steps_matter() -> None:
     fine = issue(180, 360, 30)
     balanced(fine)

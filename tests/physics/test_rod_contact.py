@@ -158,6 +158,7 @@ def test_no_rod_passes_the_duct_at_any_speed(
     assert abs(live.energy.residual) <= 0.05 * gross + 1e-9
 
 
+@pytest.mark.long  # many rods
 @settings(max_examples=10, deadline=None)
 @given(
     st.sampled_from([DUCT, THIN]),

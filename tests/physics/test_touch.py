@@ -163,6 +163,7 @@ def test_nothing_touches_at_rest(name: str | int) -> None:
     assert np.abs(state.g).max() == pytest.approx(np.abs(apart.g).max(), rel=1e-12)
 
 
+@pytest.mark.long  # many speeds
 @settings(max_examples=40, deadline=None)
 @given(
     st.floats(10.0, 500.0),
