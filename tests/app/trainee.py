@@ -305,7 +305,7 @@ class Trainee:
 
     def _ease(self, hand: int, place: Floats | None) -> None:
         """Lead what strains a wall back where it came from, until it is slack."""
-        if place is not None:
+        if hand and place is not None:
             self.to(place)
             return
         if hand:
@@ -314,7 +314,7 @@ class Trainee:
                 self._move(before)
                 self._came.pop()
             return
-        back = self._begun - self.tip
+        back = (self._begun if place is None else place) - self.tip
         back /= max(1.0, math.hypot(*back))
         for _ in range(12):
             if self.session.spatial.stress_ratio < EASED:

@@ -11,8 +11,8 @@ from app.simulation.exercises.critical_view import Closing
 
 __all__ = [
     "AS_IT_CAME", "BACK", "CLOSE", "DRAW_ASIDE", "DRAW_OFF", "LET_GO", "LIFT", "OPEN", "OPENS",
-    "PART", "PASS", "SLACKEN", "TAKE_HOLD", "TURN", "UNDER", "WITHDRAW", "NextStep", "Where",
-    "closing_step",
+    "PART", "PASS", "SLACKEN", "TAKE_HOLD", "TO_RING", "TURN", "UNDER", "WITHDRAW", "NextStep",
+    "Where", "closing_step",
 ]  # fmt: skip
 
 Where = Literal["between", "deep", "under", "behind", "plate"]
@@ -48,9 +48,11 @@ TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper 
 DRAW_ASIDE = "Next: draw the {} aside with the left hand's grasper: follow the ring, slowly."
 DRAW_OFF = "Next: draw the {} off the liver with the left hand's grasper: follow the ring, slowly."
 LIFT = "Next: lift the {} with the left hand's grasper: follow the ring, slowly."
+TO_RING = " towards the ring"
+"""Where to it is let back, if that is known."""
 LET_GO = "Next: let go of the {} with the left hand's grasper (G)."
 SLACKEN = (
-    "Next: let the {} back with the left hand's grasper until Highest stress is under {:.0f} %: "
+    "Next: let the {} back{} with the left hand until Highest stress is under {:.0f} %: "
     "the {} is strained."
 )
 WITHDRAW = "Next: draw the right hand's {} back a little, as it came: it strains the {}."

@@ -23,6 +23,7 @@ from app.simulation.exercises.next_step import (
     LIFT,
     SLACKEN,
     TAKE_HOLD,
+    TO_RING,
     WITHDRAW,
     NextStep,
     closing_step,
@@ -98,6 +99,7 @@ class Guidance:
         self._pulling: _Pulling | None = None
         self._jaws: JawSteps | None = None
         self._held_for: _Pull | None = None  # what it was drawn for by the hold that goes on
+        self._held_from: Floats | None = None  # (3,) mm, where it was as that began
         self._draws = 0  # off the liver
         self._tries = 0  # places that were tried since it was drawn or let go
         self._failed = Counter[Part]()  # how often little has parted, one time after the other
@@ -142,7 +144,7 @@ class Guidance:
     def _follow(self) -> None:
         """Note what hands have done, and what is asked for no more."""
         if self._holder is None:
-            self._held_for = None
+            self._held_for = self._held_from = None
         jaws = self._jaws
         if jaws is None:
             return
@@ -203,7 +205,7 @@ class Guidance:
         if pulling.start is None:
             if self._held_for is not None:  # it is held elsewhere
                 return NextStep(LET_GO.format(name), strands, hand=LEFT)
-            pulling.start = held
+            pulling.start = self._held_from = held
         # What can be pulled no harder has been drawn.
         pulling.drawn |= self.tissue.grip_ratio(self._holder or 0) > GRIPPED
         while pulling.stage < STAGES:
@@ -259,8 +261,10 @@ class Guidance:
         # What is taut again and again is not held while the other hand withdraws.
         if self._jaws is not None and self._jaws.strained_often:
             return NextStep(LET_GO.format(held), self._strands, hand=LEFT)
-        words = SLACKEN.format(held, 100.0 * EASED, wall)
-        return NextStep(words, self._strands, hand=LEFT)
+        back = self._held_from
+        words = SLACKEN.format(held, "" if back is None else TO_RING, 100.0 * EASED, wall)
+        place = None if back is None else three(back)
+        return NextStep(words, self._strands, place=place, hand=LEFT)
 
     @property
     def _hand_places(self) -> Floats:

@@ -66,6 +66,9 @@ STOPPED = (
     "hand pulls (X leads it), and part elsewhere or less deep. Each click or key more goes 3 % "
     "nearer to the break."
 )
+JAWS_STOPPED = (
+    "It lies in or beside the jaws. Close them (C), lead them further from it, and part there."
+)
 HELD_BACK = (
     f"A grasper holds {GRIP_N:g} N: pulled harder, tissue slips out of it. Part with the other "
     "hand what holds the tissue back."
@@ -389,7 +392,7 @@ class ScopeLead:
             if far > 0.0 and (slips or (stops and strains_more)):
                 self._goals[hand], self._stopped[hand] = None, path
                 state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
-                self._say_stopped(slips)
+                self._say_held_back() if slips else self._say_stopped(STOPPED)
                 continue
             most = self._speed(holder, strains) * TICK_SECONDS * ticks
             if far <= most:
@@ -429,13 +432,14 @@ class ScopeLead:
         self._insist()
         return True
 
-    def _say_stopped(self, slips: bool = False) -> None:
+    def _say_held_back(self) -> None:
         self._stopped_at = self.session.spatial.ticks
-        if slips:
-            self._state.refuse(HELD_BACK, "Stopped: the grasper nears its grip")
-            return
+        self._state.refuse(HELD_BACK, "Stopped: the grasper nears its grip")
+
+    def _say_stopped(self, advice: str) -> None:
+        self._stopped_at = self.session.spatial.ticks
         wall = tube_title(self.session.spatial.most_stressed)
-        self._state.refuse(STOPPED, f"Stopped: the {wall} nears its break")
+        self._state.refuse(advice, f"Stopped: the {wall} nears its break")
 
     def _lead_jaws(self, hand: int, stops: bool, seconds: float) -> None:
         """Part or close jaws as far as they are led, no faster than they may."""
@@ -444,7 +448,7 @@ class ScopeLead:
             return
         if stops and goal > opened:
             self._jaws[hand] = None
-            self._say_stopped()
+            self._say_stopped(JAWS_STOPPED)
             return
         most = seconds * (PARTS_MM_S if goal > opened else CLOSES_MM_S)
         self.session.open_jaws(hand, min(max(goal, opened - most), opened + most))

@@ -345,7 +345,8 @@ class ScopePanel:
         name, place = "Tip", "-"
         step, to_ring = self._lead.next_step, self._lead.to_ring
         if to_ring is not None:
-            name, place = "To the ring", "in it" if self._lead.in_ring else _moves(to_ring)
+            moves = _moves(to_ring, holds=holder.node is not None)
+            name, place = "To the ring", "in it" if self._lead.in_ring else moves
         elif step is not None and step.hand is not None and step.hand != hand:
             name, place = "Next", f"lead the {HANDS[step.hand].lower()} (X)"
         elif holder.node is not None:
@@ -468,16 +469,17 @@ class ScopePanel:
         add_keys(state, KEYS, actions, ALWAYS)
 
 
-def _moves(to_ring: tuple[float, float, float]) -> str:
+def _moves(to_ring: tuple[float, float, float], *, holds: bool) -> str:
     """Return how to move a tip right, up and in, mm, in words."""
     names = ("right", "left"), ("up", "down"), ("in", "out")
     right, up, into = (
         f"{abs(far):.0f} {more if far > 0.0 else less}" if round(abs(far)) > 0 else ""
         for far, (more, less) in zip(to_ring, names, strict=True)
     )
-    # Out comes first, and in last: one goes aside in front of the tissue.
+    # Out comes first, and in last: one goes aside in front of the tissue. What holds is dragged.
     aside = ", ".join(filter(None, (right, up)))
-    moves = (into, aside) if to_ring[2] < 0.0 else (aside, into)
+    outside = to_ring[2] < 0.0 and not holds
+    moves = (into, aside) if outside else (aside, into)
     return f"{', then '.join(filter(None, moves))} (mm)"
 
 
