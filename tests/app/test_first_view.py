@@ -116,12 +116,12 @@ def followed(seed: int) -> Trainee:
     return trainee
 
 
-RECORDED = 1
+RECORDED = 12
 """Of these runs, the one that *Show me* plays."""
 
 
 @pytest.mark.long  # some three minutes of hands each
-@pytest.mark.parametrize("seed", [3, 13, RECORDED])
+@pytest.mark.parametrize("seed", [5, 13, RECORDED])
 def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
     """Three of six points with mouse and keys, in under five minutes, and nothing tears."""
     session = followed(seed).session

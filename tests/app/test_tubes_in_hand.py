@@ -15,6 +15,7 @@ from app.simulation import (
     read_run,
     run_json,
 )
+from app.simulation.tissue.spatial_tissue import SpatialTissue
 
 NORMAL = "normal"
 
@@ -124,3 +125,22 @@ def test_a_tube_that_is_not_there_cannot_be_held() -> None:
     assert at.grab(0, 3.0, -1) is None
     with pytest.raises(ValueError, match="has its own tissue"):
         at.choose_bed("firm")
+
+
+@pytest.mark.parametrize(("ticks", "torn"), [(1, False), (2, True)])
+def test_a_stress_that_leaps_tears_a_wall_if_the_next_tick_has_it_too(
+    monkeypatch: pytest.MonkeyPatch, ticks: int, torn: bool
+) -> None:
+    """One Newton step a ms overshoots; here it is the strength that falls for so long."""
+    at = session()
+    tissue, tube = at.spatial, at.spatial.tubes.names.index("artery")
+    assert at.grab(0, 10.0, tube) is not None
+    while tissue.stress_ratio < 0.5:
+        draw(at, 0, np.array([0.0, 0.0, 0.2]), 0.1)
+    strong = tissue.strengths
+    for strengths in (*[tuple(0.3 * each for each in strong)] * ticks, strong):
+        monkeypatch.setattr(SpatialTissue, "strengths", strengths)
+        tissue._arguments = None
+        draw(at, 0, np.array([0.0, 0.0, 0.001]), TICK_SECONDS)
+    assert bool(tissue.events) == torn
+    assert (tissue.peak_stress_ratio < 0.7) != torn

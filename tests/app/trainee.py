@@ -298,15 +298,17 @@ class Trainee:
 
     def _turn(self) -> None:
         """Press L or J as the read-out says."""
-        off = self.lead.turn_left
-        for _ in range(0 if off is None else round(abs(off) / TURN)):
-            self.lead.turn(math.copysign(TURN, off or 0.0))
+        for _ in range(12):
+            off = self.lead.turn_left
+            if off is None or abs(off) < 0.5 * TURN:
+                return
+            self.lead.turn(math.copysign(TURN, off))
             self.wait(0.1)
 
     def _ease(self, hand: int, place: Floats | None) -> None:
         """Lead what strains a wall back where it came from, until it is slack."""
         if hand and place is not None:
-            self.to(place)
+            self.straight_to(place)
             return
         if hand:
             for _ in range(min(3, len(self._came))):

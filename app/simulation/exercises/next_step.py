@@ -10,7 +10,8 @@ from app.anatomy import tube_title
 from app.simulation.exercises.critical_view import Closing
 
 __all__ = [
-    "AS_IT_CAME", "BACK", "CLOSE", "DRAW_ASIDE", "DRAW_OFF", "LET_GO", "LIFT", "OPEN", "OPENS",
+    "AS_IT_CAME", "BACK", "CLOSE", "CLOSE_FEW", "DRAW_ASIDE", "DRAW_OFF", "LET_GO", "LIFT",
+    "OPEN", "OPENS",
     "PART", "PASS", "SLACKEN", "TAKE_HOLD", "TO_RING", "TURN", "UNDER", "WITHDRAW", "NextStep",
     "Where", "closing_step",
 ]  # fmt: skip
@@ -42,8 +43,9 @@ UNDER = (
     "stops."
 )
 CLOSE = "Next: close the right hand's {} (G)."
+CLOSE_FEW = "Next: close the right hand's {} (G): few strands have parted, a wall lies in its jaws."
 AS_IT_CAME = "Next: lead the right hand's {} back as it came, into the ring."
-BACK = "Next: draw the right hand's {} out of the tissue (wheel)."
+BACK = "Next: draw the right hand's {} out of the tissue (wheel back), into the ring."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
 DRAW_ASIDE = "Next: draw the {} aside with the left hand's grasper: follow the ring, slowly."
 DRAW_OFF = "Next: draw the {} off the liver with the left hand's grasper: follow the ring, slowly."

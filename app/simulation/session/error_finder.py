@@ -118,9 +118,9 @@ class ErrorFinder:
         self._clipped: list[tuple[int, float, Event]] = []
         self._rates: dict[str, float] = {}  # of blood out of each tube
         self._safety = None if anatomy is None else _safety_of(duct)
-        # of the critical view, before this tick; None without a gallbladder
-        self.most_points = None if self._safety is None else self._safety.critical_view().total
-        self._points = self.most_points or 0
+        # of the critical view, as it was looked at last
+        self._points = 0 if self._safety is None else self._safety.critical_view().total
+        self._most_points = self._points
         self._unsafe = False  # whether it was called unsafe to tell
         self._divided = False  # whether a structure that is part of it is
         self._events, self._marks = len(duct.events), len(duct.marks)
@@ -145,6 +145,14 @@ class ErrorFinder:
         self._firsts = np.cumsum([0, *(each.size for each in nodes)])
         self._torn = False  # whether a tube tore in this tick
         self._nicked = list(duct.nicked)
+
+    @property
+    def most_points(self) -> int | None:
+        """Points of the critical view, most at once; None without a gallbladder."""
+        if self._safety is None:
+            return None
+        now = 0 if self._divided else self._safety.critical_view().total
+        return max(self._most_points, now)
 
     def take(self, stretches: list[Span], out_of_sight: int) -> None:
         """Take a tick with the stretches that are free, mm; so many strands parted unseen in it."""
@@ -192,7 +200,7 @@ class ErrorFinder:
         # What is divided in the view is no part of it any more: the view before it counts.
         if self._safety is not None and incidents.tick % VIEW_TICKS == 0 and not self._divided:
             self._points = self._safety.critical_view().total
-            self.most_points = max(self.most_points or 0, self._points)
+            self._most_points = max(self._most_points, self._points)
         if incidents.followed:
             incidents.end_tick(self._consequence(stress, out_of_sight))
 
@@ -560,7 +568,8 @@ class ErrorFinder:
     ) -> None:
         incidents, limits = self.incidents, self.incidents.limits
         at, stress, size = watch.held_at, self._pace.ratio, row[SIZE]
-        if other_dissects:
+        # At an anatomy what is taut is let back while the other hand parts tissue.
+        if other_dissects and not self._several:
             lost, most = limits["traction_lost"], row[MOST]
             down = row[HIGHEST] - float(hand.place[2])
             if most > lost["pull"] and size < lost["part"] * most and down > lost["down"]:

@@ -11,6 +11,7 @@ from app.simulation.exercises.next_step import (
     AS_IT_CAME,
     BACK,
     CLOSE,
+    CLOSE_FEW,
     OPEN,
     OPENS,
     PART,
@@ -42,6 +43,8 @@ TAUT, STOPS_AT = 0.6, 0.7
 IN_RING_MM, LEFT_MM, OUT_MM = 2.0, 5.0, 8.0
 """mm off a ring's middle, within which a tip is in it, from which on it has left it, and from which
 on jaws that have parted tissue there are out of that."""
+OUT_OF_IT_MM = 1.0
+"""mm farther out than that, where the ring is that they are drawn back into."""
 TURNED = math.radians(20.0)
 """Off a ring's bar, within which jaws lie along it."""
 LEAST_ACROSS = 0.2
@@ -135,8 +138,11 @@ class JawSteps:
         if self._state == "closed":
             return self._step(AS_IT_CAME.format(tool), self._beside)
         if self.begun:
-            words = {"opening": OPENS, "to close": CLOSE}.get(self._state, BACK)
-            return self._step(words.format(tool))
+            if self._state == "to withdraw":
+                shaft = TROCARS[RIGHT].shaft(self._beside)
+                return self._step(BACK.format(tool), self._beside + (OUT_MM + OUT_OF_IT_MM) * shaft)
+            close = CLOSE_FEW if self.fruitless else CLOSE
+            return self._step((OPENS if self._state == "opening" else close).format(tool))
         beside = self._state == "beside"
         place = self._place if beside else self._beside
         if hand is not None and math.dist(hand.place, place) < IN_RING_MM:

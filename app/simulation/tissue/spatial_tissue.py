@@ -144,6 +144,9 @@ BIN_MM, FREED_FRACTION = 1.0, 0.95
 """mm, and the part of a bin's strands that must have parted for its stretch to be free."""
 # A tick in which no node moves farther has reached equilibrium: no strand yields any more.
 STILL_MM = 1e-6
+# Of a wall's strength: a stress that leaps by more in a tick is no equilibrium's, as where a vessel
+# slips off closing jaws: one Newton step a ms overshoots. It counts if the next tick has it too.
+LEAP = 0.5
 # Tissue that relaxes does so for minutes: it is left as it is once no node moves farther, and its
 # stress changes by no more of the strength.
 RELAXED_MM, RELAXED_FRACTION = 1e-5, 1e-6
@@ -332,6 +335,7 @@ class SpatialTissue:
         self.nicked = [0.0] * len(tubes.names)  # how deep each is torn, of its height
         # of the strength, of each tube
         self.stress_ratios = [0.0] * len(tubes.names)
+        self._found_ratios = self.stress_ratios  # those of the last tick, with its leaps
         # the largest; where, mm from that tube's first end, and of which tube
         self.stress_ratio, self.station, self.worst_tube = 0.0, 0.0, 0
         self._leaking: set[tuple[str, str]] = set()  # fluids and tubes that lose some
@@ -863,6 +867,14 @@ class SpatialTissue:
         else:
             worsts = beam.worst_stresses()
             ratios = [a.total / b for a, b in zip(worsts, self.strengths, strict=True)]
+        last, self._found_ratios = self._found_ratios, ratios
+        leaps = [now > 1.0 and now > then + LEAP for now, then in zip(ratios, last, strict=True)]
+        if any(leaps):
+            self._still = False
+            ratios = [
+                then if leap else now
+                for now, then, leap in zip(ratios, self.stress_ratios, leaps, strict=True)
+            ]
         self.stress_ratios = ratios
         ratio = self.stress_ratio = max(ratios)
         tube = self.worst_tube = ratios.index(ratio)

@@ -59,6 +59,8 @@ GIVES_MM = 0.1
 """By which a hand that stops gives way."""
 ALONG_SIGHT = 0.2
 """Of a shaft, along the line of sight, from which on the wheel leads a tip to a depth."""
+NEAR_MM = 1.2
+"""Off a ring or its path, within which a tip that is led there comes into it."""
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
 STOPPED = (
@@ -83,6 +85,8 @@ COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
 """Instruments whose jaws come open."""
 SUCTION = 15.0
 """ml/s."""
+QUICK_TURNS, AT_BAR = 3.0, 0.02
+"""Times as far that a key turns jaws towards a bar, and rad within which they are there."""
 STEADY_DEG = 3.0
 STEADY = math.cos(math.radians(STEADY_DEG))
 """Cosine of the angle within which an instrument's shaft is left as it lies in the tissue."""
@@ -341,8 +345,20 @@ class ScopeLead:
     def lead_hand(self, place: Floats) -> None:
         """Lead the active hand's tip, as it is drawn, to a place, (3,) mm."""
         if self._may_act():
-            place = place - self._state.hands[self.hand].jaws
+            place = self._on_path(place) - self._state.hands[self.hand].jaws
             self._goals[self.hand] = TROCARS[self.hand].within(place)
+
+    def _on_path(self, place: Floats) -> Floats:
+        """(3,) mm the ring, or the cross on its path, that a place is close to; or the place."""
+        # One eye does not tell depth, and a hand that points is a little off.
+        ring = self.ring
+        if ring is None or ring[9] != self.hand:
+            return place
+        at, shaft, back = np.array(ring[:3]), np.array(ring[6:9]), self.held.camera.axes[:, 2]
+        marks, along = [at], float(shaft @ back)
+        if abs(along) > ALONG_SIGHT:
+            marks.append(at + float((place - at) @ back) / along * shaft)
+        return next((each for each in marks if math.dist(each, place) < NEAR_MM), place)
 
     def push_handle(self, right: float, up: float, into: float) -> None:
         """Move the active hand's handle, mm at the tip: across its shaft, and along it.
@@ -387,8 +403,8 @@ class ScopeLead:
             before = self._stopped[hand]
             again = before is not None and float((path * before).sum()) > 0.0
             slips = strains and self._nears_slip(hand)
-            # Stress may go on rising by what the hand did before.
-            strains_more = strains or again or (rises and not slackens)
+            # Stress may go on rising by what the hand did before: what slackens goes on.
+            strains_more = strains or ((again or rises) and not slackens)
             if far > 0.0 and (slips or (stops and strains_more)):
                 self._goals[hand], self._stopped[hand] = None, path
                 state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
@@ -478,14 +494,20 @@ class ScopeLead:
         self.lead_hand(start + step - away * TROCARS[self.hand].shaft(start))
 
     def turn(self, angle: float) -> None:
-        """Turn the active hand's jaws about its shaft, or the scope's cable, rad."""
+        """Turn the active hand's jaws about its shaft, or the scope's cable, rad.
+
+        Towards a bar they go several times as far, but not past it.
+        """
         if self.leads_scope:
             self.move_scope(cable=angle)
             return
         holder = self._state.hands[self.hand]
         if not self._may_act() or holder.instrument in HOLDING:
             return
-        shaft = TROCARS[self.hand].shaft(holder.place)
+        shaft, left = TROCARS[self.hand].shaft(holder.place), self.turn_left
+        if left is not None and abs(left) > AT_BAR and left * angle > 0.0:
+            # Quickly to the bar, and no further.
+            angle = math.copysign(min(abs(left), QUICK_TURNS * abs(angle)), angle)
         if holder.instrument == "right angle":
             self._bend(self.hand, shaft, _about(np.array(holder.aim), shaft, angle))
         else:

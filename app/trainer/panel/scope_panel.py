@@ -85,6 +85,8 @@ STEP = 0.5
 """mm that a key moves a tip by."""
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
+LEAST_MM, CROSS_MM = 0.7, 2.0
+"""mm off a ring that are worth a move, and in front of it, from which on its path has a cross."""
 MARKS = "Mark what is next"
 MARKED = "In First view and Critical view: a sentence, a ring where to, and a dot on each strand"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
@@ -476,11 +478,16 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool) -> str:
         f"{abs(far):.0f} {more if far > 0.0 else less}" if round(abs(far)) > 0 else ""
         for far, (more, less) in zip(to_ring, names, strict=True)
     )
-    # Out comes first, and in last: one goes aside in front of the tissue. What holds is dragged.
     aside = ", ".join(filter(None, (right, up)))
-    outside = to_ring[2] < 0.0 and not holds
-    moves = (into, aside) if outside else (aside, into)
-    return f"{', then '.join(filter(None, moves))} (mm)"
+    if holds:
+        return f"drag {', then '.join(filter(None, (aside, into)))} (mm)"
+    # Out comes first, and in last: one goes aside in front of the tissue.
+    if to_ring[2] < -LEAST_MM:
+        return f"wheel {into} (mm)"
+    if math.hypot(*to_ring[:2]) > LEAST_MM:
+        mark = "cross" if to_ring[2] > CROSS_MM else "ring"
+        return f"press on the {mark}, {aside} (mm)"
+    return f"wheel {into} (mm)"
 
 
 def _text() -> str:

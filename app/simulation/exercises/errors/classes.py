@@ -359,7 +359,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "traction_lost", "Traction lost while dissecting", 2,
             "strands yield on an instrument while the other hand has let the duct down by more "
             "than `down`; its hold has pulled with more than `pull`, and now has less than "
-            "`part` of that",
+            "`part` of that; not at an anatomy",
             "at {t:.1f} s the hold had gone from {most:.1f} to {f:.1f} N while the other hand "
             "dissected",
             "Keep the duct taut.",
