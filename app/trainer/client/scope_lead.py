@@ -65,8 +65,8 @@ LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
 STOPPED = (
     "Lead the instrument back where it came from, or close its jaws (C). Slacken what the other "
-    "hand pulls (X leads it), and part elsewhere or less deep. Each click or key more goes 3 % "
-    "nearer to the break."
+    "hand pulls (X leads it), and part elsewhere or less deep. If you go on all the same, each "
+    "click or key brings it 3 % nearer to its break."
 )
 JAWS_STOPPED = (
     "It lies in or beside the jaws. Close them (C), lead them further from it, and part there."

@@ -350,7 +350,7 @@ class ScopePanel:
             moves = _moves(to_ring, holds=holder.node is not None)
             name, place = "To the ring", "in it" if self._lead.in_ring else moves
         elif step is not None and step.hand is not None and step.hand != hand:
-            name, place = "Next", f"lead the {HANDS[step.hand].lower()} (X)"
+            name, place = "To the ring", f"lead the {HANDS[step.hand].lower()} (X)"
         elif holder.node is not None:
             place = f"holds the {tube_title(tissue.tubes.names[holder.tube])}"
         elif self._state.figures_visible:  # a picture of one eye does not tell how deep a tip is
