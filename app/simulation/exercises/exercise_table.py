@@ -55,8 +55,8 @@ EXERCISES: dict[str, ExerciseKind] = {
     "first_view": ExerciseKind(
         "First view",
         "draw the gallbladder aside, part a first third of the triangle, draw the gallbladder off "
-        "the liver for room, and part the rest; a ring marks where: lead the tip to the cross "
-        "beside it, then in by the wheel",
+        "the liver for room, and part the rest; a ring marks where: press on the cross beside "
+        "it, then wheel in",
         ("wrong_structure", "bleeding"), ALL_INSTRUMENTS, time_limit_s=900.0,
     ),
     "critical_view": ExerciseKind(

@@ -85,7 +85,7 @@ STEP = 0.5
 """mm that a key moves a tip by."""
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
-LEAST_MM, CROSS_MM = 0.7, 2.0
+LEAST_MM, CROSS_MM = 0.75, 2.0
 """mm off a ring that are worth a move, and in front of it, from which on its path has a cross."""
 MARKS = "Mark what is next"
 MARKED = "In First view and Critical view: a sentence, a ring where to, and a dot on each strand"
@@ -486,7 +486,7 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool) -> str:
         return f"wheel {into} (mm)"
     if math.hypot(*to_ring[:2]) > LEAST_MM:
         mark = "cross" if to_ring[2] > CROSS_MM else "ring"
-        return f"press on the {mark}, {aside} (mm)"
+        return ", ".join(filter(None, (f"{aside} to the {mark}", into)))
     return f"wheel {into} (mm)"
 
 
