@@ -159,7 +159,7 @@ def test_who_does_what_is_asked_for_next_has_the_whole_view(anatomy: Anatomy) ->
             break
         assert len(step.words.split()) <= 25, step.words
         assert step.words.endswith(".")
-        assert f"{('left', 'right')[step.hand or 0]} hand" in step.words
+        assert f"{('left', 'right')[step.hand or 0]} hand's" in step.words
         assert (tissue.beam.damage[step.strands] < 1.0).all()
         if "part the" in step.words:
             ends = {(strands.tubes[each], strands.to[each]) for each in step.strands}

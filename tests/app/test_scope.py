@@ -618,6 +618,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
             lead.turn(math.copysign(0.15, off))
             presses += 1
         assert presses <= 4  # a right angle in steps of 26 degrees
+        assert lead.turn_left == pytest.approx(0.0, abs=0.01)
     # Right and up under the pointer, and then in by the wheel, it comes into the ring.
     to_ring = lead.to_ring
     assert to_ring is not None

@@ -52,7 +52,7 @@ def test_errors_against_ansys(
 
 
 @pytest.mark.long  # all that docs/validation.md holds
-@pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.parametrize("whole", [False, True])
 def test_page_and_figures_are_written_and_are_those_of_docs(
     whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -250,7 +250,7 @@ CYSTIC_STATION = 73.1
 
 
 @pytest.mark.long  # a real volume
-@pytest.mark.parametrize("name", ["labels", pytest.param("labels_hard", marks=pytest.mark.long)])
+@pytest.mark.parametrize("name", ["labels", "labels_hard"])
 def test_the_atlas_is_found_again(name: str, data_dir: Path) -> None:
     """Against the atlas's own meshes: the decoded organ's wall where no other tube's label is."""
     folder = data_dir / "calot_atlas"

@@ -554,8 +554,8 @@ def real(data_dir: Path, name: str) -> BuiltOrgan:
     [
         ("bile_duct_perpendicular", 108),
         ("bile_duct_parallel", 117),
-        pytest.param("ureter_left", 304, marks=pytest.mark.long),
-        pytest.param("aorta_ct", 110, marks=pytest.mark.long),
+        ("ureter_left", 304),
+        ("aorta_ct", 110),
     ],
 )
 def test_the_encoder_needs_no_more_bytes_than_it_did(data_dir: Path, name: str, size: int) -> None:

@@ -22,13 +22,7 @@ from organ_geometry.organ_file import code_from_bytes, organ_from_bytes
 from organ_geometry.surface_distance import root_mean_squares, section_distances
 
 DATA = Path(os.environ.get("BLUNTDISSECT_DATA") or Path(__file__).parents[3] / "shared" / "data")
-SETS = (
-    "bile_duct_perpendicular",
-    *(
-        pytest.param(name, marks=pytest.mark.long)
-        for name in ("bile_duct_parallel", "ureter_left", "aorta_ct")
-    ),
-)
+SETS = ("bile_duct_perpendicular", "bile_duct_parallel", "ureter_left", "aorta_ct")
 
 
 @cache

@@ -868,13 +868,8 @@ class SpatialTissue:
             worsts = beam.worst_stresses()
             ratios = [a.total / b for a, b in zip(worsts, self.strengths, strict=True)]
         last, self._found_ratios = self._found_ratios, ratios
-        leaps = [now > 1.0 and now > then + LEAP for now, then in zip(ratios, last, strict=True)]
-        if any(leaps):
-            self._still = False
-            ratios = [
-                then if leap else now
-                for now, then, leap in zip(ratios, self.stress_ratios, leaps, strict=True)
-            ]
+        if max(ratios) > 1.0:
+            ratios = self._without_leaps(ratios, last)
         self.stress_ratios = ratios
         ratio = self.stress_ratio = max(ratios)
         tube = self.worst_tube = ratios.index(ratio)
@@ -883,6 +878,15 @@ class SpatialTissue:
         self.peak_stress_ratio = max(self.peak_stress_ratio, ratio)
         if ratio > 1.0:
             self._tear_walls()
+
+    def _without_leaps(self, ratios: list[float], last: list[float]) -> list[float]:
+        """Return stresses as they were judged last where they have leapt since they were found."""
+        leaps = [now > 1.0 and now > then + LEAP for now, then in zip(ratios, last, strict=True)]
+        self._still = self._still and not any(leaps)
+        return [
+            then if leap else now
+            for now, then, leap in zip(ratios, self.stress_ratios, leaps, strict=True)
+        ]
 
     def _tear_walls(self) -> None:
         """Tear the walls whose stress is past their strength."""

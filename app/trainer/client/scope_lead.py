@@ -235,13 +235,19 @@ class ScopeLead:
         step, holder = self.next_step, self._state.hands[self.hand]
         if step is None or step.place is None or self.leads_scope or step.hand != self.hand:
             return None
-        axes, place = self.held.camera.axes, np.array(step.place)
-        shaft, path = TROCARS[self.hand].shaft(place), place - holder.tip
-        # A shaft across the line of sight leads no deeper.
-        back = math.copysign(max(abs(float(shaft @ axes[:, 2])), ALONG_SIGHT), shaft @ axes[:, 2])
-        into = -float(path @ axes[:, 2]) / back
-        right, up = axes[:, :2].T @ (path + into * shaft)
+        place = np.array(step.place)
+        shaft = TROCARS[self.hand].shaft(place)
+        into = self._far_along(place, shaft, holder.tip)
+        right, up = self.held.camera.axes[:, :2].T @ (place - holder.tip + into * shaft)
         return float(right), float(up), into
+
+    def _far_along(self, ring: Floats, shaft: Floats, place: Floats) -> float:
+        """How far from a ring back along a shaft it is as deep in the picture as a place, mm."""
+        back = self.held.camera.axes[:, 2]
+        along = float(shaft @ back)
+        # A shaft across the line of sight leads no deeper.
+        along = math.copysign(max(abs(along), ALONG_SIGHT), along)
+        return float((place - ring) @ back) / along
 
     @property
     def in_ring(self) -> bool:
@@ -354,11 +360,9 @@ class ScopeLead:
         ring = self.ring
         if ring is None or ring[9] != self.hand:
             return place
-        at, shaft, back = np.array(ring[:3]), np.array(ring[6:9]), self.held.camera.axes[:, 2]
-        marks, along = [at], float(shaft @ back)
-        if abs(along) > ALONG_SIGHT:
-            marks.append(at + float((place - at) @ back) / along * shaft)
-        return next((each for each in marks if math.dist(each, place) < NEAR_MM), place)
+        at, shaft = np.array(ring[:3]), np.array(ring[6:9])
+        cross = at + self._far_along(at, shaft, place) * shaft
+        return next((each for each in (at, cross) if math.dist(each, place) < NEAR_MM), place)
 
     def push_handle(self, right: float, up: float, into: float) -> None:
         """Move the active hand's handle, mm at the tip: across its shaft, and along it.
@@ -408,7 +412,10 @@ class ScopeLead:
             if far > 0.0 and (slips or (stops and strains_more)):
                 self._goals[hand], self._stopped[hand] = None, path
                 state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
-                self._say_held_back() if slips else self._say_stopped(STOPPED)
+                if slips:
+                    self._say_held_back()
+                else:
+                    self._say_stopped(STOPPED)
                 continue
             most = self._speed(holder, strains) * TICK_SECONDS * ticks
             if far <= most:

@@ -482,12 +482,10 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool) -> str:
     if holds:
         return f"drag {', then '.join(filter(None, (aside, into)))} (mm)"
     # Out comes first, and in last: one goes aside in front of the tissue.
-    if to_ring[2] < -LEAST_MM:
+    if to_ring[2] < -LEAST_MM or math.hypot(*to_ring[:2]) <= LEAST_MM:
         return f"wheel {into} (mm)"
-    if math.hypot(*to_ring[:2]) > LEAST_MM:
-        mark = "cross" if to_ring[2] > CROSS_MM else "ring"
-        return ", ".join(filter(None, (f"{aside} to the {mark}", into)))
-    return f"wheel {into} (mm)"
+    mark = "cross" if to_ring[2] > CROSS_MM else "ring"
+    return ", ".join(filter(None, (f"{aside} to the {mark}", into)))
 
 
 def _text() -> str:
