@@ -98,7 +98,7 @@ from app.simulation.specimen.tear import (
 from app.simulation.specimen.tubes import Tubes
 from app.simulation.tissue.guidance import Guidance
 from app.simulation.tissue.held_pull import pull_and_hold
-from app.simulation.tissue.jaw_steps import IN_RING_MM, STOPS_AT, turn_off
+from app.simulation.tissue.jaw_steps import IN_RING_MM, STOPS_AT, TURNED, turn_off
 from app.simulation.tissue.planar_tissue import PlanarTissue
 from app.simulation.tissue.reached_tube import (
     REACH,
@@ -167,6 +167,7 @@ __all__ = [
     "TOWARDS_HAND",
     "TOWARDS_VIEWER",
     "TROCARS",
+    "TURNED",
     "VERTICES",
     "BeamModel",
     "BedPreset",

@@ -49,6 +49,7 @@ from app.trainer.client.scope_lead import (
     CLOSES_MM_S,
     HOLDS_MM_S,
     JUDGED_TICKS,
+    NOT_IN_RING,
     RISES,
     SPREAD,
     STEADY,
@@ -580,10 +581,14 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     tissue = session.spatial
     hold = "Next: take hold of the gallbladder in the ring with the left hand's grasper (G)."
     assert asked().words == hold
+    # Beside the ring, nothing is said of how deep one is to go.
+    lead.use_instrument()
+    refused = cast(MagicMock, state.client.add_notification).call_args.args
+    assert refused == ("Not possible", NOT_IN_RING)
     assert session.grab(0, 8.0, tissue.tubes.names.index("gallbladder")) is not None
     tissue = session.spatial  # made whole, as a run begins
     # Held it is drawn, by stages, each of which is asked for by a ring and its distance.
-    aside = "Next: draw the gallbladder aside with the left hand's grasper: follow the ring"
+    aside = "Next: draw the gallbladder aside with the left hand's grasper: follow the ring, 9 mm"
     far = list[float]()
     while (step := asked()).words.startswith(aside):
         to_ring = lead.to_ring
@@ -602,6 +607,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     between = "Next: part the tissue between cystic duct and common duct: lead the right hand's"
     assert asked().words.startswith(f"{between} dissector into the ring")
     # Each turn is shown as it is to be made: by it a jaw lies towards each duct.
+    assert asked().tool == "dissector"
     assert lead.turn_left is None  # of a grasper
     assert lead.to_ring is None
     lead.choose(1)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from app.anatomy import tube_title
 from app.simulation.exercises.critical_view import Closing
+from app.simulation.inputs.inputs import Instrument
 
 __all__ = [
     "AS_IT_CAME", "BACK", "CLOSE", "CLOSE_FEW", "DRAW_ASIDE", "DRAW_OFF", "LET_GO", "LIFT",
@@ -47,9 +48,14 @@ CLOSE_FEW = "Next: close the right hand's {} (G): few strands have parted, a wal
 AS_IT_CAME = "Next: lead the right hand's {} back as it came, into the ring."
 BACK = "Next: draw the right hand's {} out of the tissue (wheel back), into the ring."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
-DRAW_ASIDE = "Next: draw the {} aside with the left hand's grasper: follow the ring, slowly."
-DRAW_OFF = "Next: draw the {} off the liver with the left hand's grasper: follow the ring, slowly."
-LIFT = "Next: lift the {} with the left hand's grasper: follow the ring, slowly."
+DRAW_ASIDE = (
+    "Next: draw the {} aside with the left hand's grasper: follow the ring, {:.0f} mm in all."
+)
+DRAW_OFF = (
+    "Next: draw the {} off the liver with the left hand's grasper: follow the ring, "
+    "{:.0f} mm in all."
+)
+LIFT = "Next: lift the {} with the left hand's grasper: follow the ring, {:.0f} mm in all."
 TO_RING = " towards the ring"
 """Where to it is let back, if that is known."""
 LET_GO = "Next: let go of the {} with the left hand's grasper (G)."
@@ -76,6 +82,7 @@ class NextStep(NamedTuple):
     along: tuple[float, float, float] | None = None  # direction in which jaws part them
     place: tuple[float, float, float] | None = None  # mm, where to the hand's tip is led
     hand: int | None = None  # that does it; None for either
+    tool: Instrument | None = None  # that it takes; None for what it has
 
 
 def closing_step(closings: Sequence[Closing], stay: int, go: int) -> str:

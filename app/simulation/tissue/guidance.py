@@ -213,7 +213,8 @@ class Guidance:
             far = STAGE_MM * (pulling.stage + 1)
             place = pulling.start + far * np.array(pull.direction)
             if not pulling.drawn and math.dist(held, place) > IN_RING_MM:
-                return NextStep(pull.words.format(name), strands, place=three(place), hand=LEFT)
+                words = pull.words.format(name, STAGES * STAGE_MM)
+                return NextStep(words, strands, place=three(place), hand=LEFT)
             pulling.stage += 1
         pulling.drawn = True
         return self._pull_step(pulling) if pull.lets_go else self._end_pull()

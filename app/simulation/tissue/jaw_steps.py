@@ -27,7 +27,7 @@ from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.spatial_tissue import SpatialTissue
 
-__all__ = ["IN_RING_MM", "RIGHT", "STOPS_AT", "TAUT", "JawSteps", "three", "turn_off"]
+__all__ = ["IN_RING_MM", "RIGHT", "STOPS_AT", "TAUT", "TURNED", "JawSteps", "three", "turn_off"]
 
 Floats = NDArray[np.float64]
 Three = tuple[float, float, float]
@@ -161,7 +161,7 @@ class JawSteps:
 
     def _step(self, words: str, place: Floats | None = None) -> NextStep:
         at = None if place is None else three(place)
-        return NextStep(words, self.strands, place=at, hand=RIGHT)
+        return NextStep(words, self.strands, place=at, hand=RIGHT, tool=self._tool)
 
     @property
     def _place(self) -> Floats:

@@ -33,7 +33,8 @@ from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
 
 __all__ = [
-    "CLOSES_MM_S", "HOLDS_MM_S", "JUDGED_TICKS", "RISES", "SPREAD", "STOPS_AT", "ScopeLead",
+    "CLOSES_MM_S", "HOLDS_MM_S", "JUDGED_TICKS", "NOT_IN_RING", "RISES", "SPREAD", "STOPS_AT",
+    "ScopeLead",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -64,12 +65,12 @@ NEAR_MM = 1.2
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
 STOPPED = (
-    "Lead the instrument back where it came from, or close its jaws (C). Slacken what the other "
+    "Lead the instrument back where it came from, or close its jaws (G). Slacken what the other "
     "hand pulls (X leads it), and part elsewhere or less deep. If you go on all the same, each "
     "click or key brings it 3 % nearer to its break."
 )
 JAWS_STOPPED = (
-    "It lies in or beside the jaws. Close them (C), lead them further from it, and part there."
+    "It lies in or beside the jaws. Close them (G), lead them further from it, and part there."
 )
 HELD_BACK = (
     f"A grasper holds {GRIP_N:g} N: pulled harder, tissue slips out of it. Part with the other "
@@ -96,6 +97,7 @@ NOTHING_NEAR = (
     "Neither a tube nor the gallbladder is between the jaws. Lead the tip further in with the "
     "wheel, some notches at a time, and try again."
 )
+NOT_IN_RING = "Lead the tip into the ring first: To the ring, in the panel, says how far it is."
 ENDS = "Jaws do not hold there: a clamp, the other hand or a tear is too near."
 NOT_BETWEEN = (
     "No tube lies between the open jaws with its whole width: clear it all round, and bring the "
@@ -569,7 +571,7 @@ class ScopeLead:
             return
         found = near_place(state.session.spatial.beam, holder.place)
         if found is None:
-            state.refuse(NOTHING_NEAR)
+            state.refuse(NOTHING_NEAR if self.to_ring is None or self.in_ring else NOT_IN_RING)
         elif state.session.grab(hand, found[1], found[0]) is None:
             state.refuse(ENDS)
 

@@ -18,6 +18,7 @@ from app.anatomy import (
 from app.simulation import (
     GRIP_N,
     HOLDING,
+    TURNED,
     Incident,
     Instrument,
     Reading,
@@ -346,7 +347,9 @@ class ScopePanel:
             return [("Led", "the scope"), ("Tip", "-")]
         name, place = "Tip", "-"
         step, to_ring = self._lead.next_step, self._lead.to_ring
-        if to_ring is not None:
+        if step is not None and step.hand == hand and step.tool not in {None, holder.instrument}:
+            name, place = "To the ring", f"take the {step.tool} (N)"
+        elif to_ring is not None:
             moves = _moves(to_ring, holds=holder.node is not None)
             name, place = "To the ring", "in it" if self._lead.in_ring else moves
         elif step is not None and step.hand is not None and step.hand != hand:
@@ -372,8 +375,9 @@ class ScopePanel:
         off = self._lead.turn_left
         if off is None:
             return "-"
-        turned = round(math.degrees(abs(off)))
-        return f"{turned}° ({'L' if off > 0.0 else 'J'})" if turned else "as the bar"
+        if abs(off) < TURNED:
+            return "as the bar"
+        return f"{math.degrees(abs(off)):.0f}° ({'L' if off > 0.0 else 'J'})"
 
     def _standing(self, reading: Reading) -> str:
         """Return what a screen reader says of the tissue."""
