@@ -1,6 +1,7 @@
-"""Parts of the panel without a page: a plot that goes on, exercises and limits as they are told."""
+"""Parts of the panel without a page: a plot that goes on, exercises, errors and limits."""
 
 import asyncio
+import re
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from queue import Queue
@@ -12,8 +13,9 @@ import pytest
 import viser
 from simulated import bed_session, phantom
 
-from app.simulation import Session
+from app.simulation import Incident, Series, Session
 from app.trainer.panel.controls import on_work
+from app.trainer.panel.debrief import Debrief, Done
 from app.trainer.panel.exercise_tab import AWAITED, NONE, ExerciseTab
 from app.trainer.panel.last_seconds import IDLE_SECONDS, SECONDS, LastSeconds
 from app.trainer.panel.measures_table import measures_html
@@ -102,3 +104,18 @@ def test_a_limit_of_what_is_counted_is_told_as_a_count() -> None:
     measures: Any = session.run_file().metrics
     table = measures_html(measures, {}, {"strands_broken_out_of_sight": 15.0})
     assert "'>15</td>" in table
+
+
+def test_errors_close_together_are_marked_and_only_the_first_is_numbered(gui: viser.GuiApi) -> None:
+    play = MagicMock()
+    debrief = Debrief(gui, None, "", {}, play, play, decided=None, in_space=True)
+    found = [
+        Incident("repeated_holds", at, at, hand, 0, 20.0, "none", {"n": 3.0, "x": 20.0})
+        for at, hand in ((10.0, 0), (10.2, 0), (10.4, 1), (50.0, 0))
+    ]
+    metrics: Any = {"time_s": 100.0, "smallest_distance_to_break": 0.5}
+    debrief.show(Done(metrics, found, Series((), ())))
+    drawn = str(debrief._html.content)
+    assert drawn.count("<rect") == len(found)
+    marks = re.findall(r"<rect.*?<text[^>]*>(\d*)</text>", drawn)
+    assert marks == ["1", "", "3", "4"]  # the other hand has a row of its own

@@ -34,6 +34,8 @@ MOST_ERRORS = 12
 MOST_POINTS = 300
 WIDTH, HEIGHT, LEFT, ROW = 260.0, 80.0, 30.0, 15.0
 """px of the picture, of its curve, of the room left of it, and of a hand's row of marks."""
+NUMBER = 13.0
+"""px of an error's number beside its mark."""
 LIST_PX = 140
 """Height of the list of errors, which scrolls: all else fits beside it on a small screen."""
 HANDS = ("left hand", "right hand")
@@ -354,15 +356,20 @@ def _timeline_html(
         for level in (0.0, 1.0)
     ]
     rows = HANDS if in_space else ("errors",)
+    named: list[list[float]] = [[] for _ in rows]  # where a row's numbers stand
     for number, (each, uuid) in enumerate(zip(incidents, moments, strict=True), 1):
         row = each.hand if in_space and each.hand is not None else 0
         top = HEIGHT + 5.0 + ROW * row
         start, stop = x(each.start_s), max(x(each.end_s), x(each.start_s) + 3.0)
+        # The more important ones come first: where one stands, no other has room.
+        beside_it = stop + 2.0
+        name = "" if any(abs(beside_it - at) < NUMBER for at in named[row]) else f"{number}"
+        named[row] += [beside_it] * bool(name)
         phrases.append(
             f"<g data-command='{uuid}' style='cursor:pointer'>"
             f"<rect x='{start:.1f}' y='{top}' width='{stop - start:.1f}' height='{ROW - 5}' "
-            f"rx='2' fill='{HAND_COLOURS[row]}'/><text x='{stop + 2:.1f}' y='{top + 9}'>{number}"
-            "</text></g>"
+            f"rx='2' fill='{HAND_COLOURS[row]}'/>"
+            f"<text x='{beside_it:.1f}' y='{top + 9}'>{name}</text></g>"
         )
     bottom = HEIGHT + 7.0 + ROW * len(rows)
     phrases += [
