@@ -22,13 +22,14 @@ HIT = 2.0
 def predictions_page(found: Sequence[Prediction]) -> str:
     """Return the page in Markdown."""
     words = files("app.validation").joinpath("predictions.md").read_text(encoding="utf-8")
+    first: dict[str, str] = {}
     page = words.format(
         draws=DRAWS,
         seed=SEED,
         hits=sum(abs(each.z) <= HIT for each in found),
         count=len(found),
         table=predictions_table(found).rstrip(),
-        sections="\n\n".join(_section(each) for each in found),
+        sections="\n\n".join(_section(each, first) for each in found),
     )
     # Units are plain ASCII in the experiments' files.
     return re.sub(r"\b([cm]?m)2\b", "\\1²", page)
@@ -97,22 +98,32 @@ def _measured(of: Experiment) -> str:
     return f"{of.mean:.4g} ({spread}) {of.unit}"
 
 
-def _section(found: Prediction) -> str:
-    """Return a prediction's sources and its sentence."""
+def _section(found: Prediction, first: dict[str, str]) -> str:
+    """Return a prediction's sources and its sentence; `first` has the title where each is given."""
     of = found.experiment
     lost = (
         f" {100.0 * found.lost:.1f} % of the draws bear no such load and are left out."
         if found.lost
         else ""
     )
+    stands = first.setdefault(of.source, of.title)
+    source = of.source if stands == of.title else f"that of *{stands}*"
+    inputs: list[str] = []
+    same: dict[str, list[str]] = {}
+    for name, each in of.inputs.items():
+        label = name.replace("_", " ")
+        line = f"- {label}: {_given(each)} {each.unit}. {each.source}"
+        title = first.setdefault(line, of.title)
+        if title == of.title:
+            inputs.append(line)
+        else:
+            same.setdefault(title, []).append(label)
+    inputs += [f"- {', '.join(names)}: as in *{title}*." for title, names in same.items()]
     lines = [
         f"## {of.title}",
-        f"{of.protocol} Source: {of.source}. {of.figures}",
+        f"{of.protocol} Source: {source}. {of.figures}",
         f"**z = {found.z:+.1f}.** {of.why}{lost}",
-        "\n".join(
-            f"- {name.replace('_', ' ')}: {_given(each)} {each.unit}. {each.source}"
-            for name, each in of.inputs.items()
-        ),
+        "\n".join(inputs),
     ]
     return "\n\n".join(lines)
 
