@@ -37,10 +37,13 @@ def tables() -> str:
     lines += ["", "### At an anatomy", ""]
     for key, numbers in AT_ANATOMY.items():
         shape = SHAPES_AT_ANATOMY.get(key, f"({len(numbers)},)")
-        if numbers == OBSERVATIONS.get(key):
+        in_bed = OBSERVATIONS.get(key, ())
+        others = tuple(each for each in numbers if each not in in_bed)
+        if not others:
             lines += [f"`{key}`, {shape} float32, has the same numbers as in a bed.", ""]
         else:
-            lines += [f"`{key}`, {shape} float32", "", *_rows(numbers), ""]
+            beside = ": as in a bed; these differ or follow" if len(others) < len(numbers) else ""
+            lines += [f"`{key}`, {shape} float32{beside}", "", *_rows(others), ""]
     return "\n".join(lines).rstrip() + "\n"
 
 
