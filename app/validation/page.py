@@ -43,6 +43,11 @@ def page(
         "figures": "\n\n".join(
             f"![{title}](validation/{name}.svg)" for name, title in FIGURES.items()
         ),
+        "tables": "\n".join(
+            f"## Table {each.table.number}: {each.table.title}, E = {each.table.modulus:g} psi\n\n"
+            f"{rows_table(each)}"
+            for each in comparisons
+        ),
     }
     words = files("app.validation").joinpath("page.md").read_text(encoding="utf-8")
     return words.format(**{name: block.rstrip() for name, block in blocks.items()})
