@@ -10,14 +10,6 @@ import numpy as np
 from assets import BEDS
 from physics.bed import Bed, Patch, SpaceBeam
 
-__all__ = [
-    "BedPreset",
-    "PatchPreset",
-    "bed_named",
-    "bed_presets",
-    "named_or_whole",
-]
-
 
 class PatchPreset(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """An adhesion: where it is along its bed, as fractions of the bed's length."""

@@ -11,8 +11,6 @@ import msgspec.inspect
 from app.older_keys import with_present_keys
 from app.toml_lines import TomlLines
 
-__all__ = ["decoded", "read_bounded"]
-
 T = TypeVar("T")
 
 

@@ -2,8 +2,6 @@
 
 from typing import Any, cast
 
-__all__ = ["with_present_keys"]
-
 PRESENT = {
     "bending_across_Nmm2": "bending_across_N_mm2",
     "bending_stiffness_Nmm2": "bending_stiffness_N_mm2",

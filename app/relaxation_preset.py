@@ -8,8 +8,6 @@ import msgspec
 from assets import RELAXATIONS
 from physics.bed import Relaxation
 
-__all__ = ["Prony", "RelaxationPreset", "relaxation_named"]
-
 
 class Prony(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A relaxation as files have it."""

@@ -3,8 +3,6 @@
 import re
 from collections import Counter
 
-__all__ = ["TomlLines"]
-
 HEADER = re.compile(r"\s*(\[\[?)\s*([^\]#]+?)\s*\]")
 KEY = re.compile(r"\s*([\w.\"'-]+)\s*=")
 INNER = re.compile(r"[{,]\s*([\w\"'-]+)\s*=")  # of a table that is a value

@@ -4,8 +4,6 @@ import platform
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
-__all__ = ["versions"]
-
 
 def versions(*more: str) -> dict[str, str]:
     """Return the versions of Python, of this program, numpy and numba, and of more packages."""

@@ -17,8 +17,6 @@ from importlib import import_module
 from itertools import islice
 from typing import Any, TypeVar
 
-__all__ = ["Progress", "by_dask", "by_processes", "cores"]
-
 A = TypeVar("A")
 R = TypeVar("R")
 Progress = Callable[[int, int], None]

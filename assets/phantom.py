@@ -37,26 +37,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from assets import BILE_DUCT_PHANTOM
 
-__all__ = [
-    "BACKGROUND_GREY",
-    "IMAGE_SIZE",
-    "LUMEN_GREY",
-    "MEAN_DIAMETER",
-    "NOISE_GREY",
-    "PIXEL_SPACING",
-    "POINT_SPREAD",
-    "SECTION_COUNT",
-    "SLICE_SPACING",
-    "SPAN",
-    "WALL_GREY",
-    "lumen_half_axes",
-    "outer_half_axes",
-    "section_image",
-    "section_stations",
-    "wall_thickness",
-    "write_phantom",
-]
-
 SECTION_COUNT = 128
 """Number of images."""
 IMAGE_SIZE = 96

@@ -15,8 +15,6 @@ from app.simulation import ELEMENTS, TICKS_PER_SECOND, Session, Specimen
 from app.trainer.scope.packing import Frame, Packing
 from app.trainer.scope.pose import Pose
 
-__all__ = ["print_cost"]
-
 PAGES, TICKS, CASES = 20, 600, 20
 PAGE_BYTES = 4096
 

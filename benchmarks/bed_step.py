@@ -17,8 +17,6 @@ from kernel_cache import njit
 from physics import Exponential, Law, Linear, NeoHooke
 from physics.bed import BeamOnBed, Bed, Relaxation, SpaceBeam, Strands
 
-__all__ = ["bed_figures", "measure_bed"]
-
 Floats = NDArray[np.float64]
 
 ELEMENTS, STEPS, SECONDS = 40, 2000, 1e-3

@@ -20,16 +20,6 @@ from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.trainer_clients import machine_speed
 
-__all__ = [
-    "LOOKS",
-    "PATIENCE_MS",
-    "PICTURES",
-    "browser_page",
-    "page_figures",
-    "served",
-    "until_drawn",
-]
-
 LOOKS = ("full", "plain")
 SWITCHES = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]
 SWITCHES += ["--enable-unsafe-swiftshader", "--disable-dev-shm-usage"]

@@ -15,8 +15,6 @@ import numpy as np
 from benchmarks.tube_images import LEVEL, SIDE, SMOOTH, draw_tube_images
 from organ_geometry import build_organ, read_image_stack, trace_organ
 
-__all__ = ["BuilderRates", "builder_memory", "builder_rates"]
-
 SLICES, RUNS = 300, 3
 MANY_SLICES = 2000
 WARM_SLICES = 24

@@ -33,8 +33,6 @@ from benchmarks.faults import (
     wait,
 )
 
-__all__ = ["CHEATS", "Cheat"]
-
 ACROSS = np.array([1.0, -1.0, 1.0])
 """What leads a place before the duct to the one behind it."""
 

@@ -22,8 +22,6 @@ from app.rl.episode import Observation
 from app.rl.task import Task
 from app.simulation import ELEMENTS, HAND_SPEED, MANNERS, Exercise, Session, run_json
 
-__all__ = ["measure_cheats"]
-
 Floats = NDArray[np.float64]
 
 EXERCISES: dict[str, dict[str, Any]] = {

@@ -10,8 +10,6 @@ from benchmarks.stopwatch import microseconds
 from physics import Cubic
 from physics.cubic_kernels import cubic_deflection
 
-__all__ = ["cubic_array_rate", "cubic_engine"]
-
 SOLVES = 100_000
 ARRAY = 1_000_000
 

@@ -23,8 +23,6 @@ from app.simulation import (
 )
 from app.simulation.scripts.scripted_hands import Technique
 
-__all__ = ["measure_exercises"]
-
 BED, SEEDS = "firm", range(1, 21)
 COLUMNS = {
     "share %": lambda found: 100.0 * found["peak_stress_ratio"],

@@ -17,8 +17,6 @@ from benchmarks.organ_sets import SETS, OrganSet, missing_sets
 from benchmarks.peer_meshes import Mesh, contour_loft, cubes_mesh
 from benchmarks.stopwatch import microseconds
 
-__all__ = ["DracoMesh", "DracoSearch", "least_count"]
-
 LOFTS: dict[str, tuple[float, ...]] = {
     "corners": (24, 32, 48, 64, 96, 128),
     "smoothing": (0.0, 0.7, 1.0, 1.5, 2.0, 3.0),

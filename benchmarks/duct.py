@@ -7,18 +7,6 @@ from numpy.typing import NDArray
 
 from physics import Beam, Exact
 
-__all__ = [
-    "CENTRE",
-    "DUCT",
-    "FORCE",
-    "OFF_CENTRE",
-    "SETTLED",
-    "STEP",
-    "converged_deflection",
-    "relative_error",
-    "walk_about",
-]
-
 DUCT = Beam.round(span=50.8, diameter=8.89, modulus=0.310264)
 FORCE = 2.0 * 0.4 * 4.4482216
 """The grasper's whole force, N: P = 0.4 lbf on each half."""

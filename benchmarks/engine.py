@@ -3,8 +3,6 @@
 import math
 from dataclasses import dataclass
 
-__all__ = ["Engine", "unavailable"]
-
 # Relative error of the deflection beyond which an engine solves another problem.
 TOLERATED = 0.01
 

@@ -9,8 +9,6 @@ from scipy.stats import norm
 
 from app.classroom.evidence import area_under_curve, intraclass_correlation
 
-__all__ = ["measure_evidence"]
-
 RUNS = 2000
 APART = 1.5
 """Standard deviations between the means of novices and experts."""

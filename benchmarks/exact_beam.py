@@ -13,8 +13,6 @@ from physics.exact.newton import solve
 from physics.exact.state import State
 from physics.exact.symbols import BY_DEFLECTION, BY_FORCE, FOUND
 
-__all__ = ["exact_engines"]
-
 THEORIES = {
     "exact": ("exact", Exact()),
     "exact_shear": ("exact, shear", Exact(Linear(shear=True))),

@@ -41,8 +41,6 @@ from app.simulation.scripts.exercise_limits import AT_ANATOMY, IN_BED
 from app.simulation.scripts.scripted_hands import Clip, Follow, Spread
 from app.simulation.tissue.spatial_tissue import CLIP_OPENING
 
-__all__ = ["FAULTS", "Fault", "done", "exercises", "good", "measure_faults"]
-
 BEDS, SEEDS, TREMOR = ("normal", "firm"), (71, 72), 0.15
 GOOD_BEDS, GOOD_SEEDS = ("loose", "normal", "firm", "inflamed"), range(71, 91)
 GOOD_TREMORS = (0.15, 0.3)
@@ -62,14 +60,17 @@ class Hands(Session):
     tremor = 0.0  # mm
 
     def tremble(self, tremor: float, seed: int) -> None:
+        """Let the hands tremble from now on, by so many mm."""
         self.tremor = tremor
         self._noise, self._rng = np.zeros((2, 3)), np.random.default_rng(seed)
 
     @property
     def duct(self) -> SpatialTissue:
+        """The tissue in hand."""
         return self.spatial
 
     def move_hand(self, hand: int, place: Sequence[float] | Floats) -> None:
+        """Lead a hand to a place, beside which it comes by its tremor."""
         if self.tremor > 0.0:
             spread = math.sqrt(1.0 - 0.2**2) * self.tremor
             self._noise[hand] = 0.2 * self._noise[hand] + self._rng.normal(0.0, 1.0, 3) * spread
@@ -122,15 +123,18 @@ def lift(hands: Hands, distance: Floats, speed: float, hand: int = 0) -> Iterato
 
 
 def goal(exercise: Exercise) -> FreeLength:
+    """Return the stretch that an exercise asks to free."""
     assert isinstance(exercise.goal, FreeLength)
     return exercise.goal
 
 
 def middle(exercise: Exercise) -> float:
+    """Return the station in the middle of that stretch, mm."""
     return 0.5 * (goal(exercise).from_mm + goal(exercise).to_mm)
 
 
 def front(hands: Hands, exercise: Exercise) -> float:
+    """Return the station up to which that stretch still holds, mm."""
     return goal(exercise).to_mm - goal(exercise).freed(hands.duct.freed_stretches())
 
 
@@ -213,6 +217,7 @@ def stab(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
 
 
 def stab_and_jump(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Stab in behind the duct, and open as fast."""
     yield from behind(hands, middle(exercise), speed)
     yield from opened(hands, 40.0, speed)
     yield from wait(1.0)
@@ -370,6 +375,7 @@ def held_and(act: Make, height: float = 3.0) -> Make:
 
 
 def beside_and_open(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Open the jaws beside the stretch instead of in it."""
     yield from behind(hands, goal(exercise).from_mm - 2.0 * JAW_RADIUS - 1.5)
     yield from opened(hands, 40.0, speed)
     yield from wait(1.0)
@@ -394,6 +400,7 @@ def near_break(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]
 
 
 def stab_and_clip(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Clip as one should, but get there too fast."""
     yield from Clip(speed=speed).inputs(hands, exercise)
 
 
@@ -497,6 +504,7 @@ def go_on(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
 
 
 def say_unsafe(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Say that too little is seen, although all is."""
     hands.call_unsafe()
     yield
 
@@ -535,6 +543,7 @@ def fault(
     exercise: str, name: str, make: Make, speeds: tuple[float, ...], *named: str,
     bed: str | None = None, at: tuple[int, ...] = (),
 ) -> Fault:  # fmt: skip
+    """Return a fault at a slow, a middling and a fast speed."""
     low, mid, high = speeds
     return Fault(exercise, name, make, (low, mid, high), frozenset(named), bed, at)
 

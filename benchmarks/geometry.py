@@ -20,8 +20,6 @@ from benchmarks.organ_sets import DATA, SETS, OrganSet, missing_sets
 from benchmarks.surface_distance import spread_points
 from organ_geometry import build_organ
 
-__all__ = ["levels_of_both", "measure_geometry", "plain_table", "set_figures"]
-
 WISHED = (1.0, 2.0)
 LEVELS = (1.0, 1.25, 1.5, 2.0, 3.0, 4.0, 6.0)
 """Errors, % of the radius: those wished, and what is taken where one is not reached by both."""

@@ -36,8 +36,6 @@ from app.trainer.server.trainer import Trainer
 from benchmarks.browser_page import PICTURES, browser_page
 from benchmarks.haptic_servo import virtual_service
 
-__all__ = ["figures_beside_page"]
-
 Where = Literal["pull", "dissect"]
 CYCLE, LIFT, LIFTED = 4.0, 9.0, 6.0
 """Of the movement: its time, s, its height, mm, and about how high the hook comes in a bed."""

@@ -21,8 +21,6 @@ from app.haptics.servo import SPIN_SECONDS, real_time
 from app.haptics.servo_report import TimeHistogram
 from physics.cubic_kernels import fill_cubic_deflections
 
-__all__ = ["haptic_figures", "measure_haptics"]
-
 SECONDS = 15.0
 PERIOD = 1e-3
 FORCES = 4000

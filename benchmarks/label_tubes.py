@@ -37,8 +37,6 @@ from organ_geometry import (
 from organ_geometry.images.medical_file import MedicalHeader, write_values
 from organ_geometry.mesh import organ_skin
 
-__all__ = ["ATLAS", "MESHES", "TubeFigures", "atlas_names", "join_gaps", "tube_figures"]
-
 Floats = NDArray[np.float64]
 
 ATLAS = DATA / "calot_atlas"

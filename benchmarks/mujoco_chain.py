@@ -9,8 +9,6 @@ from benchmarks.duct import CENTRE, DUCT, FORCE, SETTLED, STEP, relative_error, 
 from benchmarks.engine import Engine, unavailable
 from benchmarks.stopwatch import microseconds
 
-__all__ = ["mujoco_engine"]
-
 KEY, NAME = "mujoco_warm", "MuJoCo"
 LINKS = 40
 DENSITY = 1e-9

@@ -13,8 +13,6 @@ from app.simulation import TICK_SECONDS
 from physics.bed import BeamOnBed
 from physics.bed.kernels import STIFF
 
-__all__ = ["beside_mujoco"]
-
 Floats = NDArray[np.float64]
 
 SUBSTEPS = 8  # of a tick of the session

@@ -15,8 +15,6 @@ from app.anatomy.anatomy_network import anatomy_network
 from app.anatomy.tables import Anatomy
 from physics.bed import BeamOnBed
 
-__all__ = ["measure_network"]
-
 ANATOMY = "normal"
 STEPS, SECONDS = 1000, 1e-3
 LIFT = 8e-3

@@ -10,8 +10,6 @@ from benchmarks.engine import Engine, unavailable
 from benchmarks.stopwatch import microseconds
 from physics import Beam
 
-__all__ = ["opensees_deflections", "opensees_engine"]
-
 KEY, NAME = "opensees_warm", "OpenSeesPy"
 ELEMENTS = 40
 # Steps up, then as many down.

@@ -24,8 +24,6 @@ from organ_geometry import (
     write_organ,
 )
 
-__all__ = ["OrganBytes", "OrganSearch", "organ_mesh"]
-
 STATIONS, ANGLES = 600, 64
 CHECK_POINTS = 10_000
 # Tolerances of each section, in target errors: the target is the error of all together, sought with

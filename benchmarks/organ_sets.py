@@ -15,8 +15,6 @@ from benchmarks.peer_meshes import Mesh, contour_loft
 from benchmarks.surface_distance import TriangleSurface, spread_points
 from organ_geometry import ImageStack, TraceOptions, read_image_stack, trace_organ
 
-__all__ = ["DATA", "SETS", "OrganSet", "missing_sets"]
-
 DATA = Path(os.environ.get("BLUNTDISSECT_DATA") or Path(__file__).parents[2] / "shared" / "data")
 SETS = ("bile_duct_perpendicular", "bile_duct_parallel", "ureter_left", "aorta_ct")
 

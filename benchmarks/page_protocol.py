@@ -10,8 +10,6 @@ import viser
 import websockets.asyncio.client
 import zstandard
 
-__all__ = ["Page", "connected", "cookie_of", "hand_forces"]
-
 # What a page's own slider is called, of a pull and of a dissection.
 SLIDERS = ("Force", "Jaws")
 CAMERA: dict[str, Any] = {

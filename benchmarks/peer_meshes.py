@@ -9,8 +9,6 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
 from organ_geometry import ImageStack
 
-__all__ = ["Mesh", "contour_loft", "cubes_mesh", "rings_of", "tube_faces"]
-
 Mesh: TypeAlias = tuple[NDArray[np.float64], NDArray[np.int64]]
 """(V, 3) vertices, mm, and (F, 3) faces."""
 

@@ -9,8 +9,6 @@ from multiprocessing import get_context
 from benchmarks import mujoco_chain, opensees_beam
 from benchmarks.engine import Engine, unavailable
 
-__all__ = ["peer_engines"]
-
 PEERS: tuple[tuple[str, str, Callable[[], Engine]], ...] = (
     (opensees_beam.KEY, opensees_beam.NAME, opensees_beam.opensees_engine),
     (mujoco_chain.KEY, mujoco_chain.NAME, mujoco_chain.mujoco_engine),

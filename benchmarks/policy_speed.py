@@ -19,8 +19,6 @@ from app.simulation import SpatialTissue
 from app.workers import cores
 from benchmarks.mujoco_duct import beside_mujoco
 
-__all__ = ["measure_policies"]
-
 SECONDS, WARM, COUNTS, EPISODES, BLOCK = 3.0, 20, (8, 16), 8, 10
 PASSES, STEPS = 60, 40
 

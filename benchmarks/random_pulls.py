@@ -16,8 +16,6 @@ from app.workers import cores
 from benchmarks.duct import DUCT
 from physics.bed import BeamOnBed, Bed, End, Hand, Rod, SpaceBeam, pull
 
-__all__ = ["pulled_in_real_time", "pulled_through_equilibria"]
-
 Point = tuple[float, float, float]
 ENDS: tuple[tuple[End, End], ...] = (
     ("clamped", "clamped"),

@@ -9,8 +9,6 @@ from app.command_line.load import shipped_organ
 from app.simulation import Session, free_specimen
 from physics import Exact
 
-__all__ = ["step_figures"]
-
 PULLS = 40
 """Times that the duct is let go and pulled again."""
 SKINS = 2000

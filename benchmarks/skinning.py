@@ -17,8 +17,6 @@ from organ_geometry import Organ
 from organ_geometry.mesh import organ_skin
 from physics import Cubic
 
-__all__ = ["export_figures", "skinning_figures"]
-
 VERTICES = 20_000
 CALLS = 200
 KEYS = 200

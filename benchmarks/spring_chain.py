@@ -7,8 +7,6 @@ from benchmarks.engine import Engine
 from benchmarks.stopwatch import microseconds
 from physics import Cubic, MassSpring
 
-__all__ = ["spring_chain_engine"]
-
 SOLVES = 80
 FINE = 1e-10
 LOOSEST = 1e-4

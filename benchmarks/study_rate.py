@@ -22,8 +22,6 @@ from benchmarks.opensees_beam import opensees_deflections
 from physics import Beam, Exact, break_of
 from physics.exact import many
 
-__all__ = ["measure_study"]
-
 ROWS, MANY = 10_240, 204_800
 """Rows of a study of seconds, and of one beside which the start of workers is short."""
 PEERS = 300

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from trimesh.remesh import subdivide_to_size
 
-__all__ = ["TriangleSurface", "spread_points", "triangle_distances"]
-
 Points = NDArray[np.float64]
 Faces = NDArray[np.int64]
 

@@ -26,8 +26,6 @@ from benchmarks.page_protocol import Page, connected, cookie_of, hand_forces, te
 from benchmarks.served_trainer import Served, served_trainer
 from physics import Exact, NeoHooke
 
-__all__ = ["CLIENTS", "Mix", "client_figures", "counted", "pulling"]
-
 Mode = Literal["pull", "dissect"]
 Mix = Literal["pull", "dissect", "mixed", "class"]
 """What clients do; every other one of a mix, or of a class, pulls."""

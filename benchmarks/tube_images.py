@@ -8,8 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LEVEL", "PERIOD", "RADIUS", "SIDE", "SMOOTH", "SWAY", "draw_tube_images", "tube_image"]
-
 SIDE = 512
 """Rows and columns of an image."""
 

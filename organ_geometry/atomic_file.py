@@ -17,8 +17,6 @@ try:
 except ImportError:  # Windows: what was left behind stays
     fcntl = None
 
-__all__ = ["WorkFolder", "check_target", "make_folder", "remove_left_behind", "write_atomic"]
-
 # How names of work folders begin.
 WORK_FOLDER = "bluntdissect-"
 # s in which what was just made gets its lock.

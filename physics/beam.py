@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from physics.quantity import finite, positive
 from physics.section import Ring
 
-__all__ = ["Beam", "Sections", "Stations", "pieces"]
-
 Stations = NDArray[np.float64]
 """(N,) distances from the first clamp at rest, mm."""
 

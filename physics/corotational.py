@@ -31,8 +31,6 @@ from numpy.typing import NDArray
 
 from kernel_cache import njit
 
-__all__ = ["LAST_OF_HALF", "LAST_OF_SPAN", "element_state", "pull_from_rest"]
-
 LAST_OF_SPAN = np.array([True, True, True])
 """The last node is in the second clamp."""
 LAST_OF_HALF = np.array([True, False, True])

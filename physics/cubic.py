@@ -15,8 +15,6 @@ from physics.fitted_q import FITTED_Q
 from physics.pull import Pull
 from physics.quantity import finite, stations_on
 
-__all__ = ["Cubic", "CubicPull"]
-
 MOST_Q = 2.0
 """Twice the whole work of the axial force, which no beam's deflection asks for."""
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from kernel_cache import njit
 
-__all__ = ["cubic_deflection", "fill_cubic_deflections"]
-
 THIRD = 1.0 / 3.0
 # Two thirds of the exponent's offset of 1023, where it stands in a double.
 EXPONENT = float(682 << 52)

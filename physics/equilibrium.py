@@ -5,8 +5,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Equilibrium", "NoEquilibrium"]
-
 
 class NoEquilibrium(ValueError):  # noqa: N818 - named for what happened, not as a fault
     """A load under which a theory finds no equilibrium: it ends before the beam does."""

@@ -11,8 +11,6 @@ are exact but for rounding, with nothing lost where eps or b is small.
 
 from kernel_cache import njit
 
-__all__ = ["MOST", "exponential_stress"]
-
 MOST = 20.0
 """b eps from which on the stress goes on in a straight line, e^20 = 5e8."""
 

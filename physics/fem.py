@@ -14,8 +14,6 @@ from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.pull import Pull
 from physics.quantity import finite, stations_on
 
-__all__ = ["Fem", "FemPull"]
-
 
 @dataclass(frozen=True, slots=True)
 class Fem:

@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 from physics.beam import Beam
 from physics.quantity import positive
 
-__all__ = ["FITTED_Q", "FittedQ", "fitted_to", "lengths"]
-
 # Small-deflection k3 of the cubic over the string's: 0.72 / 0.5 with F = 2P.
 STRING = 1.44
 

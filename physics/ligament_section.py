@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from physics.quantity import finite
 from physics.section import Ring
 
-__all__ = ["LigamentSection", "ligament"]
-
 
 @dataclass(frozen=True, slots=True)
 class LigamentSection:

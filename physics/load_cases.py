@@ -15,8 +15,6 @@ from physics.exact import Law, Linear
 from physics.exact.fibre_laws import fibre_pull
 from physics.quantity import finite, positive
 
-__all__ = ["Inflation", "PullAlong", "inflate", "nominal_stress", "pull_along", "rupture_along"]
-
 # Sections at which an organ's own are looked at; longest stretch that is tried.
 SECTIONS, MOST_STRETCH = 201, 1e3
 

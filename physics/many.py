@@ -26,8 +26,6 @@ from physics.section import Ring
 from physics.taut_string import TautString
 from physics.theory import Theory
 
-__all__ = ["Beams", "Ducts", "SolvedDucts", "solve_many"]
-
 Row = NDArray[np.float64]
 
 

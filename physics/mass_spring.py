@@ -14,8 +14,6 @@ from physics.mass_spring_chain import Integrator, MassSpringChain
 from physics.pull import Pull
 from physics.quantity import finite, positive
 
-__all__ = ["MassSpring", "MassSpringPull"]
-
 
 @dataclass(frozen=True, slots=True)
 class MassSpring:

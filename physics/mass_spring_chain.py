@@ -12,8 +12,6 @@ from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.quantity import finite, positive, stations_on
 from physics.spring_chain import euler, leapfrog, runge_kutta, settle, spring_forces
 
-__all__ = ["INTEGRATORS", "LEAST_SEGMENTS", "Integrator", "MassSpringChain", "largest_stable_step"]
-
 Integrator = Literal["euler", "leapfrog", "runge-kutta"]
 
 INTEGRATORS = {"euler": euler, "leapfrog": leapfrog, "runge-kutta": runge_kutta}

@@ -11,8 +11,6 @@ from physics.equilibrium import Equilibrium, NoEquilibrium
 from physics.quantity import positive
 from physics.rupture import BreakEvent, check_rupture, critical_stations
 
-__all__ = ["Pull", "break_of", "calibrated_threshold"]
-
 
 class Pull(ABC):
     """A beam grasped at one place, in the equilibrium that was last solved; at first at rest.

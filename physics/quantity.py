@@ -5,8 +5,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["finite", "positive", "stations_on"]
-
 
 def finite(value: float, name: str, unit: str) -> float:
     """Return the value as a float if it is a finite number."""

@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 
 from physics.quantity import finite, positive
 
-__all__ = ["BentBeam", "RayleighBeam", "Support"]
-
 Load = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 # Gauss points per degree of the curve: n points are exact to the degree 2 n - 1, so that loads up

@@ -9,13 +9,6 @@ from physics.beam import Beam
 from physics.equilibrium import Equilibrium
 from physics.quantity import positive
 
-__all__ = [
-    "BreakEvent",
-    "RuptureCheck",
-    "check_rupture",
-    "critical_stations",
-]
-
 # Stresses nearer than this part of the larger count as equal: rounding, not physics.
 EQUAL_STRESSES = 1e-9
 

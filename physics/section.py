@@ -7,8 +7,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Ring", "lateral_constant"]
-
 
 @dataclass(frozen=True, slots=True)
 class Ring:

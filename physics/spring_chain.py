@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from kernel_cache import njit
 
-__all__ = ["euler", "leapfrog", "runge_kutta", "settle", "spring_forces"]
-
 
 @njit(cache=True, nogil=True)
 def spring_forces(

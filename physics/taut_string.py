@@ -13,8 +13,6 @@ from physics.equilibrium import Equilibrium
 from physics.pull import Pull
 from physics.quantity import finite, stations_on
 
-__all__ = ["StringPull", "TautString"]
-
 
 @dataclass(frozen=True, slots=True)
 class TautString:

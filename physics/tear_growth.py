@@ -30,17 +30,6 @@ from physics.rupture import BreakEvent
 from physics.section import Ring
 from physics.varying_beam import VaryingBeam
 
-__all__ = [
-    "DEEPEST",
-    "START",
-    "TearPath",
-    "tear_by_pull",
-    "tear_under_force",
-    "tear_under_grip",
-    "torn_beam",
-    "weak_length",
-]
-
 START = 0.1
 """Depth with which a tear begins.
 

@@ -11,8 +11,6 @@ from physics.mass_spring import MassSpring
 from physics.pull import Pull
 from physics.taut_string import TautString
 
-__all__ = ["THEORIES", "LawName", "Theory", "law_named", "theory_named", "theory_words"]
-
 LawName = Literal["linear", "neo-hooke", "exponential"]
 """Laws of a wall, as they are called on the command line and in files."""
 

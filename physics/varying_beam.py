@@ -11,8 +11,6 @@ from physics.beam import Beam, Sections, Stations
 from physics.quantity import finite, positive
 from physics.section import Ring
 
-__all__ = ["VaryingBeam"]
-
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class VaryingBeam(Beam):

@@ -18,8 +18,6 @@ from app.bounded_file import decoded, read_bounded
 from app.toml_lines import TomlLines
 from assets import ANATOMIES
 
-__all__ = ["anatomy_named", "anatomy_toml", "checked", "read_anatomy", "shipped_anatomies"]
-
 MOST_BYTES = 1_000_000
 """Size of an anatomy file: some hundred tubes."""
 

@@ -10,16 +10,6 @@ from numpy.typing import NDArray
 from app.anatomy.tables import Anatomy, JoinTable, TableError, TubeTable
 from physics.bed.space_beam import axis_line
 
-__all__ = [
-    "Crossing",
-    "TubeLine",
-    "crossings",
-    "joined_places",
-    "joined_station",
-    "tube_line",
-    "tube_lines",
-]
-
 Floats = NDArray[np.float64]
 
 MEETS_MM = 0.5

@@ -12,8 +12,6 @@ from app.anatomy.tables import HEAD_RIGHT_FRONT, Anatomy
 from app.anatomy.tube_kinds import wall_of
 from organ_geometry import LabelVolume
 
-__all__ = ["anatomy_labels", "labels_suffix"]
-
 Floats = NDArray[np.float64]
 
 _MARGIN_MM = 3.0

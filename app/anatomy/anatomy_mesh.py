@@ -15,8 +15,6 @@ from organ_geometry.mesh import SUFFIXES, Surface, mesh_content, organ_skin
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["EDGE_FRACTION", "anatomy_mesh", "mesh_suffix"]
-
 EDGE_FRACTION = 0.3
 """Of a tube's mean radius: edges of its triangles."""
 # Of the merged surface: what it may be simplified by.

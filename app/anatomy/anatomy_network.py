@@ -13,8 +13,6 @@ from app.bed_preset import bed_named
 from physics.bed import BeamOnBed, Bed, End, Flow, Fluid, Join, Network, SpaceBeam, Strands
 from physics.bed.space_beam import axis_line
 
-__all__ = ["AnatomyNetwork", "anatomy_network"]
-
 Floats = NDArray[np.float64]
 
 FLUIDS = {

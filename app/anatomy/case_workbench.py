@@ -16,8 +16,6 @@ from app.anatomy.patient_case import (
 )
 from physics.bed import End
 
-__all__ = ["CaseWorkbench"]
-
 # Of the picture, beside the panel's fields.
 _INCHES = (4.4, 6.0)
 

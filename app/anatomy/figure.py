@@ -10,8 +10,6 @@ import numpy as np
 from app.anatomy.anatomy_geometry import TubeLine
 from app.anatomy.tables import Anatomy
 
-__all__ = ["anatomy_figure"]
-
 _COLOURS = {"duct": "#3c7a3c", "organ": "#8a8a2e", "artery": "#c03030", "vein": "#3050a0"}
 _MARGIN_MM = 2.0
 _NARROW = 6.0  # inches

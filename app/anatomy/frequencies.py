@@ -14,8 +14,6 @@ import msgspec
 
 from assets import FREQUENCIES
 
-__all__ = ["Case", "Fraction", "Frequencies", "Size", "Tied", "case_of", "frequencies"]
-
 
 class Size(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A normal distribution that is cut off at both ends."""

@@ -30,8 +30,6 @@ from app.anatomy.tables import (
 from app.anatomy.tube_kinds import wall_of
 from physics.bed.space_beam import axis_line
 
-__all__ = ["ARTERY_AT_MM", "anatomy_of", "drawn_anatomy", "wavy_course"]
-
 Floats = NDArray[np.float64]
 
 _JOIN_MM = 28.0  # of the common duct, below the cystic duct

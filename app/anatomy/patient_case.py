@@ -48,18 +48,6 @@ from physics.bed import End
 if TYPE_CHECKING:
     from organ_geometry import LabelTubes
 
-__all__ = [
-    "CaseBuilder",
-    "CaseChoices",
-    "NamedLabel",
-    "PatientCase",
-    "TubeEndName",
-    "named_labels",
-    "patient_case",
-    "with_cystic_artery",
-    "write_case",
-]
-
 Floats = NDArray[np.float64]
 TubeEndName: TypeAlias = tuple[str, Literal[0, 1]]
 """A tube's name, and its first end or its last."""

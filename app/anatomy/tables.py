@@ -10,24 +10,6 @@ import msgspec
 
 from physics.bed import End
 
-__all__ = [
-    "HEAD_RIGHT_FRONT",
-    "Anatomy",
-    "Confidence",
-    "Fluid",
-    "JoinTable",
-    "LayerTable",
-    "Number",
-    "Place",
-    "Point",
-    "ShownTable",
-    "TableError",
-    "TouchTable",
-    "TubeEnd",
-    "TubeKind",
-    "TubeTable",
-]
-
 Number: TypeAlias = int | float
 Point: TypeAlias = tuple[Number, Number, Number]
 TubeKind: TypeAlias = Literal["duct", "artery", "vein", "organ"]

@@ -8,8 +8,6 @@ import msgspec
 from app.anatomy.tables import Confidence, Fluid, TubeKind
 from assets import TUBE_KINDS
 
-__all__ = ["Role", "TubeWall", "kind_of_name", "tube_title", "wall_of"]
-
 Role: TypeAlias = TubeKind | Literal["shown"]
 """A kind of tube, or `shown`: drawn and not solved."""
 

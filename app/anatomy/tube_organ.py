@@ -12,16 +12,6 @@ from app.anatomy.anatomy_geometry import TubeLine
 from app.anatomy.tables import Anatomy, TableError, TubeTable
 from organ_geometry import Organ, organ_from_bytes, read_organ, round_organ
 
-__all__ = [
-    "ORGAN_SUFFIX",
-    "check_organs",
-    "organ_content",
-    "organ_text",
-    "place_of",
-    "tube_organ",
-    "with_organs",
-]
-
 Floats = NDArray[np.float64]
 
 ORGAN_SUFFIX = ".organ"

@@ -26,8 +26,6 @@ from app.simulation import (
 )
 from organ_geometry import Organ
 
-__all__ = ["expert_benchmarks", "scripted_benchmarks", "scripted_try"]
-
 TREMOR_MM = 0.3
 PACES = (0.7, 1.0, 1.3)
 """Speeds of scripted hands, over those of the good ones."""

@@ -10,8 +10,6 @@ from app.classroom.store import ClassStore, Person
 from app.simulation import Preset
 from organ_geometry import Organ
 
-__all__ = ["ClassCourse"]
-
 
 class ClassCourse:
     """The course of an open class; tries that were read are kept, as they do not change."""

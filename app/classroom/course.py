@@ -28,18 +28,6 @@ from app.classroom.exercise_file import (
 from app.simulation import AT_ANATOMY, ERROR_CLASSES, METRICS, Feedback, Preset
 from organ_geometry import Organ
 
-__all__ = [
-    "INCIDENTS",
-    "SAFE_FRACTION",
-    "Benchmark",
-    "Course",
-    "Level",
-    "Retention",
-    "default_course",
-    "read_course",
-    "with_benchmarks",
-]
-
 INCIDENTS = "incidents"
 """A benchmark's metric that is not in `METRICS`: how many incidents of errors a run has."""
 SAFE_FRACTION = 0.95

@@ -17,8 +17,6 @@ from app.classroom.progress import (
 from app.classroom.results import shown_names
 from app.classroom.store import ClassStore
 
-__all__ = ["course_html", "level_choices"]
-
 MARKS = {"locked": "", "open": "", "mastered": "✓ ", "due": "↻ "}
 WIDTH, HEIGHT, LEFT, BOTTOM = 260.0, 84.0, 34.0, 22.0
 """px of a plot, of the room left of it and below."""

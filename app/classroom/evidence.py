@@ -23,21 +23,6 @@ from numpy.typing import NDArray
 
 from app.classroom.progress import LEAST_TRIES, learning_curve
 
-__all__ = [
-    "Estimate",
-    "Evidence",
-    "Plan",
-    "area_under_curve",
-    "cronbach_alpha",
-    "evidence_lines",
-    "evidence_of",
-    "hedges_g",
-    "holm",
-    "intraclass_correlation",
-    "measurement_error",
-    "pass_mark",
-]
-
 CONFIDENCE = 0.95
 MEASURES = ("consequential", "incidents", "time_s", "peak_stress_ratio")
 """The first is the primary one. Of all of them less is better."""

@@ -31,11 +31,6 @@ from app.simulation import (
 )
 from organ_geometry import Organ
 
-__all__ = [
-    "GOALS", "AssignedExercise", "ExerciseFile", "Goal", "mode_of", "read_exercise",
-    "template",
-]  # fmt: skip
-
 Goal = Literal[
     "window", "follow_front", "free_scar", "hold_stretch", "approach_break", "gentle_lifts",
     "stop_bleeding", "first_view", "critical_view", "who_is_who",

@@ -6,8 +6,6 @@ from app.anatomy import shipped_anatomies
 from app.classroom.exercise_file import DRAWN, GOALS, NUMBERS, PULLS, Goal
 from app.simulation import AT_ANATOMY, ERROR_CLASSES, METRIC_OF, Feedback, bed_presets
 
-__all__ = ["exercise_form"]
-
 FIELDS = {
     "length_mm": "Length to be freed, mm",
     "from_mm": "From, mm from the first clamp",

@@ -3,8 +3,6 @@
 import base64
 import binascii
 
-__all__ = ["MOST_BYTES", "kind_of", "photograph_of"]
-
 MOST_BYTES = 75_000
 LONGEST = 100_000  # characters, as a page may send
 KINDS = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}

@@ -23,18 +23,6 @@ from app.simulation import (
     renamed_metrics,
 )
 
-__all__ = [
-    "LearningCurve",
-    "LevelStanding",
-    "Try",
-    "learning_curve",
-    "needs",
-    "next_level",
-    "sequential_test",
-    "standings",
-    "unmet",
-]
-
 CLOSED_SECONDS = 0.4
 """s after its last tick for which an incident counts as going on (`Incident`)."""
 SAME_CAUSE, IDLE_DAYS, MANY_TIMES = 3, 7, 2.0

@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 
 from app.classroom.store import ClassStore, RunRecord, Statement
 
-__all__ = ["Recorder"]
-
 RETRY_SECONDS = 2.0
 STOP_SECONDS = 5.0
 Done = Callable[[str | None], object]

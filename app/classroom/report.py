@@ -10,8 +10,6 @@ from app.classroom.results import Result, Standing, best, bests, results, shown_
 from app.classroom.store import Assignment, ClassStore, now
 from app.simulation import MOST_POINTS
 
-__all__ = ["report_page", "results_html", "standing_svg", "style"]
-
 DISCLAIMER = "Not clinically validated, not a medical device. No score of OSATS or GOALS."
 WIDTH, LABEL, RIGHT, ROW = 640.0, 150.0, 16.0, 22.0
 """px of a plot, of its labels, of its right margin and of a row."""

@@ -31,15 +31,6 @@ from app.simulation import ERROR_CLASSES, METRICS, MODES, Incident, read_run, ru
 from app.versions import versions
 from organ_geometry import make_folder, write_atomic
 
-__all__ = [
-    "LEAST_GROUP",
-    "Written",
-    "consent_list",
-    "pseudonym_key",
-    "read_consents",
-    "write_research",
-]
-
 LEAST_GROUP = 5
 """People that a group must have to be named: of a smaller one the group could be the person."""
 LONGEST_LIST = 100_000

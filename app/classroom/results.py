@@ -14,19 +14,6 @@ from app.classroom.exercise_file import AssignedExercise
 from app.classroom.store import ClassStore, Person, RunRecord
 from app.simulation import ERROR_CLASSES, Incident, cause_of, renamed_metrics
 
-__all__ = [
-    "Result",
-    "Standing",
-    "best",
-    "bests",
-    "flat_measures",
-    "results",
-    "results_csv",
-    "results_json",
-    "shown_names",
-    "standing",
-]
-
 Word = Literal["passed", "failed", "given up", "not finished", "free", "torn"]
 
 IDENTITY = (

@@ -22,22 +22,6 @@ import platformdirs
 from app.classroom.photograph import MOST_BYTES, kind_of
 from app.simulation import MOST_POINTS
 
-__all__ = [
-    "LONGEST_NAME",
-    "MOST_PEOPLE",
-    "MOST_RUNS",
-    "Assignment",
-    "ClassFileError",
-    "ClassFullError",
-    "ClassStore",
-    "Person",
-    "RunRecord",
-    "Statement",
-    "class_files",
-    "class_path",
-    "now",
-]
-
 APPLICATION, VERSION = 0x62_64_63_6C, 2  # "bdcl"
 SUFFIX = ".sqlite"
 TOKEN_BYTES, ID_BYTES = 24, 12

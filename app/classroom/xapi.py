@@ -18,8 +18,6 @@ from app.classroom.progress import LevelStanding
 from app.classroom.store import RunRecord, Statement
 from app.simulation import ERROR_CLASSES, METRICS, Incident, renamed_metrics
 
-__all__ = ["BASE", "VERSIONS", "Version", "pseudonym", "run_statements", "voiding"]
-
 BASE = "https://bluntdissect.example/xapi"
 """What the project's own identifiers begin with: names, which lead nowhere (docs/xapi.md)."""
 SPACE = uuid.uuid5(uuid.NAMESPACE_URL, BASE)

@@ -23,17 +23,6 @@ from app.classroom.progress import Try
 from app.classroom.store import ClassStore, RunRecord, Statement
 from app.classroom.xapi import VERSIONS, Version, run_statements, voiding
 
-__all__ = [
-    "LearningRecordStore",
-    "Sender",
-    "checked_url",
-    "class_statements",
-    "connect",
-    "disconnect",
-    "keep_key",
-    "voided_by",
-]
-
 BATCH = 50
 TIMEOUT = 10.0
 FIRST_WAIT, LONGEST_WAIT, STOP_SECONDS = 2.0, 3600.0, 2.0

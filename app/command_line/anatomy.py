@@ -10,8 +10,6 @@ from app.command_line.answer import AsJson, answer
 if TYPE_CHECKING:
     from app.anatomy import Anatomy, TubeLine
 
-__all__ = ["anatomy"]
-
 
 def anatomy(
     source: Annotated[

@@ -10,8 +10,6 @@ import typer
 if TYPE_CHECKING:
     from app.workers import Progress
 
-__all__ = ["AsJson", "answer", "print_lines", "progress_bar"]
-
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 
 

@@ -9,8 +9,6 @@ import typer
 
 from app.command_line.shared_options import given_options
 
-__all__ = ["BED_NAMES", "BedOptions"]
-
 BED_NAMES = "normal, loose, firm, inflamed or scar"
 """For the help, which must not wait until the beds are read; a test compares."""
 

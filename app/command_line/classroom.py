@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from app.classroom.store import ClassStore
     from app.trainer.server.trainer import Trainer
 
-__all__ = ["program"]
-
 program = typer.Typer(help="A class: a teacher's page, trainees by a link, results that are kept.")
 
 Title = Annotated[str, typer.Argument(help="Title of the class, or its file.", metavar="CLASS")]

@@ -8,8 +8,6 @@ if TYPE_CHECKING:
     from app.compression.build_process import BuildProcess
     from app.trainer.connections.bounds import Bounds
 
-__all__ = ["ClientBounds", "client_bounds"]
-
 MIB = 2**20
 LONGEST_MM = 10_000
 """As organ files have it at most."""

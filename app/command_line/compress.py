@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from app.compression.stack_job import StackJob
     from organ_geometry import Region, Seed
 
-__all__ = ["compress"]
-
 # Options by the panel of the help that they stand in.
 _images = partial(typer.Option, rich_help_panel="Images")
 _organ = partial(typer.Option, rich_help_panel="Organ")

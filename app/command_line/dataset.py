@@ -9,8 +9,6 @@ import typer
 
 from app.command_line.answer import AsJson, answer, progress_bar
 
-__all__ = ["dataset"]
-
 
 def dataset(
     output: Annotated[

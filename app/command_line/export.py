@@ -25,8 +25,6 @@ from app.command_line.shared_options import options_of
 if TYPE_CHECKING:
     from app.export.organ_export import ExportResult, OrganExport
 
-__all__ = ["export"]
-
 OF_PULL = ("force", "grasp", "q", "shear", "theory", "torn", "frames", "table")
 """Parameters of a duct without a bed."""
 

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from app.study.fit import Estimate, Fit, MeasuredPull
     from organ_geometry import Organ
 
-__all__ = ["fit"]
-
 FIGURES = (".png", ".svg", ".pdf")
 IDENTIFIED = {
     "identified": "",

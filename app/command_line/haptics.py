@@ -18,8 +18,6 @@ from app.command_line.load import PRESET_NAMES, chosen_theory, organ_from, with_
 if TYPE_CHECKING:
     from app.anatomy import Anatomy
 
-__all__ = ["haptics"]
-
 ADDRESS = "ws://127.0.0.1:10001"
 
 

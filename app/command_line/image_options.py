@@ -7,8 +7,6 @@ if TYPE_CHECKING:
 
 Choice = TypeVar("Choice", bound=str)
 
-__all__ = ["chosen", "pixel_pair", "region", "seed_point", "window_levels"]
-
 
 def chosen(option: str, text: str, offered: "tuple[Choice, ...]") -> "Choice":
     """Return a choice, if it is one of those offered."""

@@ -10,8 +10,6 @@ from app.command_line.answer import AsJson, answer
 if TYPE_CHECKING:
     from organ_geometry import Organ
 
-__all__ = ["info"]
-
 
 def info(
     organ: Annotated[Path | None, typer.Argument(help="The .organ file.")] = None,

@@ -41,23 +41,6 @@ Stiffening = Annotated[
     typer.Option(help="Exponential law: beta of sigma = alpha (e^(beta eps) - 1)."),
 ]
 
-__all__ = [
-    "PRESET_HELP",
-    "PRESET_NAMES",
-    "AxialCoupling",
-    "Grasp",
-    "Law",
-    "Shear",
-    "Stiffening",
-    "TheoryName",
-    "chosen_theory",
-    "duct_of",
-    "organ_from",
-    "shipped_organ",
-    "specimen_from",
-    "with_law",
-]
-
 
 def organ_from(path: Path | None, longest_mm: float = inf) -> "Organ":
     """Return the organ in a file, or the shipped one."""

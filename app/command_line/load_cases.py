@@ -8,8 +8,6 @@ from app.command_line.answer import answer
 if TYPE_CHECKING:
     from physics import Beam, Law
 
-__all__ = ["LOADS", "solve_load_case"]
-
 LOADS = ("across", "along", "avulsion", "inflation")
 
 

@@ -11,8 +11,6 @@ from app.command_line.answer import AsJson, answer
 if TYPE_CHECKING:
     from physics.bed import History
 
-__all__ = ["peel", "report_history"]
-
 
 def peel(
     scene: Annotated[

@@ -10,8 +10,6 @@ from app.command_line.answer import AsJson, answer
 if TYPE_CHECKING:
     from app.simulation import CriticalView, Event
 
-__all__ = ["perform"]
-
 
 def perform(
     script: Annotated[

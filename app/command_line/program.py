@@ -25,8 +25,6 @@ from app.command_line import (
 )
 from app.compiling import say_when_compiling
 
-__all__ = ["main", "program"]
-
 WRONG_INPUT, OUR_FAULT, STOPPED = 2, 1, 130
 # Environment variable with which an error shows where it comes from.
 TRACEBACK = "BLUNTDISSECT_TRACEBACK"

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from app.simulation import Incident, Metrics, RunLog
     from organ_geometry import Organ
 
-__all__ = ["replay"]
-
 # Kinds of file that play a run, and those that have its end, by suffix.
 PLAYED = (".glb", ".html", ".pvd", ".webm", ".webp")
 FILMS = (".webm", ".webp")

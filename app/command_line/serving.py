@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from app.trainer.server.trainer import Trainer
     from organ_geometry import Organ
 
-__all__ = ["Serving", "draw_link", "serve", "serving", "tls_context"]
-
 _net = partial(typer.Option, rich_help_panel="Other machines")
 
 

@@ -6,8 +6,6 @@ from typing import Any, TypeVar
 
 import typer
 
-__all__ = ["given_options", "options_of"]
-
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 

@@ -28,8 +28,6 @@ from app.command_line.shared_options import given_options, options_of
 if TYPE_CHECKING:
     from physics import Beam, Theory
 
-__all__ = ["solve"]
-
 # mm, MPa and N: far beyond any tissue, far from where numbers run over.
 MOST_LENGTH, MOST_MODULUS, MOST_FORCE = 1e6, 1e9, 1e9
 # mm, MPa and diameters: beyond them a unit is most likely wrong, or it is no beam.

@@ -10,8 +10,6 @@ from typer.core import TyperGroup
 
 from app.command_line.answer import AsJson, answer, progress_bar
 
-__all__ = ["need", "study"]
-
 
 class _RunUnlessNamed(TyperGroup):
     """A group whose `run` need not be written."""

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from app.trainer.server.trainer import Trainer
     from organ_geometry import Organ
 
-__all__ = ["trainer"]
-
 
 @options_of(serving)
 def trainer(

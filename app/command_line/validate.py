@@ -8,8 +8,6 @@ import typer
 
 from app.command_line.answer import AsJson
 
-__all__ = ["validate"]
-
 
 def validate(
     output: Annotated[

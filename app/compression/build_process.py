@@ -19,8 +19,6 @@ from typing import Any, TypeVar
 from app.compression.image_upload import UploadBounds
 from app.workers import Progress
 
-__all__ = ["Abandoned", "BuildProcess"]
-
 Made = TypeVar("Made")
 # How often whoever waits looks whether they still want it.
 POLL_SECONDS = 0.1

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from organ_geometry import GreyImage, Region, TracedSection
 
-__all__ = ["LUMEN_COLOR", "OUTER_COLOR", "edge_picture"]
-
 OUTER_COLOR = (230, 159, 0)
 """RGB. Orange and sky blue of Okabe and Ito's palette: apart for the colour-blind, and on grey."""
 LUMEN_COLOR = (86, 180, 233)

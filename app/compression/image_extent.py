@@ -3,8 +3,6 @@
 import struct
 from collections.abc import Iterator
 
-__all__ = ["UnknownImageError", "image_extents"]
-
 MOST_PAGES = 10_000
 # Tags of a TIFF directory, and their types with `struct`'s letters: SHORT, LONG, LONG8.
 _TIFF_WIDTH, _TIFF_HEIGHT = 256, 257

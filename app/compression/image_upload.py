@@ -20,8 +20,6 @@ from organ_geometry import (
     list_text,
 )
 
-__all__ = ["UploadBounds", "UploadRefusedError", "unpack_upload"]
-
 MIB = 2**20
 LONGEST_NAME = 255
 """Bytes of a file's name that file systems take."""

@@ -15,8 +15,6 @@ from organ_geometry import DrivingPoints, Organ, Wall, check_target, write_atomi
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FIGURE_SUFFIXES", "check_figure_target", "draw_organ_figure"]
-
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 # Key points drawn on each kept section.
 KEY_POINTS = 12

@@ -37,14 +37,6 @@ from organ_geometry import (
     trace_organ,
 )
 
-__all__ = [
-    "Abandoned",
-    "OpenedStack",
-    "OrganChoice",
-    "OrganWorkbench",
-    "PromiseRefusedError",
-]
-
 
 class PromiseRefusedError(ValueError):
     """A threshold cannot be kept; the smallest that can is named."""

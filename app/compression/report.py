@@ -8,16 +8,6 @@ import msgspec
 
 from organ_geometry import BuiltOrgan, ImageStack, SectionReport
 
-__all__ = [
-    "DOUBTFUL",
-    "Facts",
-    "facts",
-    "remark_lines",
-    "report_lines",
-    "section_lines",
-    "summary_lines",
-]
-
 # Sections left out that a report names one by one.
 MOST_LEFT_OUT = 10
 

@@ -24,8 +24,6 @@ from app.versions import versions
 from app.workers import by_dask, by_processes, cores
 from organ_geometry import write_atomic
 
-__all__ = ["compress_all"]
-
 SUMMARY = "summary.jsonl"
 TABLE = "summary.csv"
 NOT_IN_TABLE = ("warnings", "doubts", "notes", "sections")

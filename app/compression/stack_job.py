@@ -24,8 +24,6 @@ from organ_geometry import (
     write_organ,
 )
 
-__all__ = ["Failed", "StackJob", "compress_stack", "jobs_into", "try_stack"]
-
 ORGAN_SUFFIX = ".organ"
 # The most of a zip that is one's own.
 ZIP_BOUNDS = UploadBounds(

@@ -16,8 +16,6 @@ from organ_geometry.mesh import TornPiece
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, Hand, History, pull, step_places
 
-__all__ = ["BedExport"]
-
 # Facts of the last step, as `solve --bed` names them.
 BED_FACTS = ("freed_mm", "strands_broken", "work_mJ", "distance_to_break_percent")
 # Name of the motion.

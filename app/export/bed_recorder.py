@@ -16,8 +16,6 @@ from app.simulation import Dissection, Phase, Reading, SurfaceMapping, tear_fron
 from physics import RuptureCheck
 from physics.bed import BeamOnBed
 
-__all__ = ["BedRecorder"]
-
 Floats = NDArray[np.float64]
 
 

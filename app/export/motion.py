@@ -14,17 +14,6 @@ from app.export.strands import BedTrack, StrandsSnapshot
 from app.simulation import FRONT_SECONDS, SETTLED_SECONDS, Reading
 from organ_geometry import DrivingPoints
 
-__all__ = [
-    "MOST_FRAMES",
-    "PAGE_FRAMES",
-    "RECOIL_STEP",
-    "WHOLE",
-    "Motion",
-    "MotionKey",
-    "check_frames",
-    "recoil_times",
-]
-
 WHOLE = -1.0
 """Value of `front` while there is no tear."""
 MOST_FRAMES = 2000

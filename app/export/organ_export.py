@@ -15,8 +15,6 @@ from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import COLORED_SUFFIXES, TornPiece, mesh_content, organ_skin, stress_colors
 from organ_geometry.mesh import SUFFIXES as MESH_SUFFIXES
 
-__all__ = ["SUFFIXES", "ExportResult", "OrganExport", "write_moment", "write_moments"]
-
 SUFFIXES = (*MESH_SUFFIXES, ".vtp", ".pvd", ".csv")
 """Suffixes of the files that can be written."""
 

@@ -33,8 +33,6 @@ from physics import (
     theory_words,
 )
 
-__all__ = ["PullExport"]
-
 Table = Literal["curve", "axis"]
 
 PAGE_KEYS = 41

@@ -21,8 +21,6 @@ from app.simulation import (
 from organ_geometry import Organ
 from organ_geometry.mesh import TornPiece, organ_skin
 
-__all__ = ["RUN", "RecordedRun", "rigged_runs", "run_snapshots"]
-
 RUN = "run"
 """Name of the motion."""
 

@@ -19,8 +19,6 @@ from app.simulation import (
 from organ_geometry import Organ
 from physics import RuptureCheck
 
-__all__ = ["recorded_runs"]
-
 
 def recorded_runs(log: RunLog, organ: Organ, *, frames: int) -> tuple[RecordedRun, ...]:
     """Return a logged run as the motion of each tube, of `frames` keys; of a duct there is one."""

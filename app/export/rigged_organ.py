@@ -49,8 +49,6 @@ from organ_geometry.mesh import (
     turned,
 )
 
-__all__ = ["STRANDS", "Rig", "rigged_organ", "rigged_organs", "rigged_tubes"]
-
 STRANDS = "strands"
 """Name of the mesh of a bed's strands."""
 STRAND_FINISH = Finish((236, 226, 208), roughness=0.4)

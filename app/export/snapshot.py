@@ -11,8 +11,6 @@ from app.export.strands import StrandsSnapshot
 from app.simulation import PIECES, Dissection, NickReading, Stresses, SurfaceStress
 from organ_geometry.mesh import Surface, TornPiece, organ_skin
 
-__all__ = ["NAMES", "ORGAN", "Snapshot", "bed_snapshots"]
-
 ORGAN = "organ"
 """Name of the whole organ's mesh."""
 NAMES = (ORGAN, *PIECES)

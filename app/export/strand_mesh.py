@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from app.export.strands import BedTrack
 
-__all__ = ["StrandMesh", "strand_mesh"]
-
 RADIUS = 0.07
 """mm."""
 SIDES = 3

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from app.simulation import SurfaceMapping
 from organ_geometry import DrivingPoints
 
-__all__ = ["BedTrack", "StrandsSnapshot", "stubs"]
-
 Floats = NDArray[np.float64]
 
 # Length of a stub, and most of its strand's length at rest.

@@ -9,8 +9,6 @@ from app.export.motion import Motion
 from app.simulation import Dissection
 from physics import Pull, critical_stations
 
-__all__ = ["axis_table", "curve_table"]
-
 # Rows of an axis, besides those at the grasp and at a varying organ's own sections.
 AXIS_STATIONS = 121
 

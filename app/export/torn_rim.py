@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from app.export.motion import Motion
 from organ_geometry.mesh import BoundSkin, TornPiece
 
-__all__ = ["RimShapes", "rim_shapes"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RimShapes:

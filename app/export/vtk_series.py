@@ -13,8 +13,6 @@ from app.export.strands import StrandsSnapshot
 from organ_geometry import check_target, write_atomic
 from organ_geometry.mesh import pvd_content, vtp_content
 
-__all__ = ["check_series_path", "snapshot_contents", "write_series"]
-
 STRANDS = "_strands"
 """What the names of files of strands end in."""
 

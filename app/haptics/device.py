@@ -15,17 +15,6 @@ from numpy.typing import NDArray
 
 from app.haptics.hand import HandScript
 
-__all__ = [
-    "Device",
-    "DeviceError",
-    "DeviceLimits",
-    "DeviceOptions",
-    "DeviceState",
-    "WaitingDevice",
-    "device_names",
-    "open_device",
-]
-
 GROUP = "bluntdissect.haptics"
 
 

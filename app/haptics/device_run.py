@@ -16,8 +16,6 @@ from app.haptics.device import DeviceLimits
 from app.haptics.servo_loop import LoopSettings
 from app.simulation import TheoryChoice
 
-__all__ = ["MOST_BYTES", "DeviceRun", "Recorder", "read_device_run"]
-
 FORMAT = "bluntdissect-device-run"
 VERSION = 1
 MOST_PERIODS = 40_000_000

@@ -11,8 +11,6 @@ from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.simulation import ELEMENTS, OrganIdentity, Specimen, TheoryChoice, anatomy_or_name
 from physics.bed import BeamOnBed
 
-__all__ = ["STIFFEST", "DuctChoice", "passive_coupling", "passive_delay", "played_again"]
-
 # N/mm: above the stiffness of any duct here.
 STIFFEST = 5.0
 

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from app.haptics.device import DeviceError, DeviceLimits, DeviceOptions, DeviceState
 
-__all__ = ["ForceDimensionDevice", "open_force_dimension"]
-
 LIMITS = DeviceLimits(force=8.0, force_rate=200.0, damping=1.0, delay=1e-3)
 """An omega.3 gives 12 N; its friction is not published, 1 N s/m is assumed. The force that answers
 a state is given a period later; the device's own delay is not known."""

@@ -9,8 +9,6 @@ from msgspec import Meta, Struct
 
 from app.bounded_file import decoded, read_bounded
 
-__all__ = ["HandScript", "SimulatedHand", "SimulatedHardware", "Waypoint", "read_hand"]
-
 MOST_BYTES = 1_000_000
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]

@@ -31,8 +31,6 @@ from app.haptics.haply_messages import (
     websocket_address,
 )
 
-__all__ = ["HaplyDevice", "open_haply"]
-
 PROFILE = "org.bluntdissect:duct"
 LIMITS = DeviceLimits(force=8.0, force_rate=200.0, damping=0.5, delay=1e-3)
 """An Inverse3 gives 10 N at its peak; its friction is not published, 0.5 N s/m is assumed. The

@@ -15,29 +15,6 @@ from urllib.parse import urlsplit
 import msgspec
 from msgspec import UNSET, Struct, UnsetType, field
 
-__all__ = [
-    "Angles",
-    "ClientMessage",
-    "Commands",
-    "DeviceCommand",
-    "ForceCommand",
-    "Grip",
-    "GripState",
-    "Inverse",
-    "InverseConfig",
-    "InverseState",
-    "InverseStatus",
-    "PositionCommand",
-    "ProtocolError",
-    "Quaternion",
-    "ServiceMessage",
-    "Vector",
-    "Version",
-    "read_client_message",
-    "read_service_message",
-    "websocket_address",
-]
-
 Version = Literal["3.1", "3.5"]
 
 

@@ -37,8 +37,6 @@ from app.haptics.haply_messages import (
 )
 from app.haptics.simulated_device import STEP, SimulatedDevice
 
-__all__ = ["HaplyServer", "VirtualService"]
-
 # Longest time, s, simulated between two messages: the rest of a longer pause is skipped.
 MOST_SECONDS = 0.25
 # Preset of a workspace whose origin is in the middle of the device's reach.

@@ -27,8 +27,6 @@ from physics import (
 from physics.cubic_kernels import cubic_deflection
 from physics.quantity import positive
 
-__all__ = ["STRESS_STEPS", "UP", "HapticBeam", "HapticModel", "tear"]
-
 UP = 2
 """Axis of the pull among right, forward and up."""
 STRESS_STEPS = 10

@@ -33,8 +33,6 @@ from physics.bed import BeamOnBed
 from physics.equilibrium import NoEquilibrium
 from physics.quantity import positive
 
-__all__ = ["HapticBed"]
-
 Array = NDArray[np.float64]
 
 

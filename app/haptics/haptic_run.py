@@ -11,8 +11,6 @@ from app.haptics.servo import ORDINARY, Servo
 from app.haptics.servo_loop import LoopSettings, ServoLoop
 from app.haptics.servo_report import ServoReport
 
-__all__ = ["least_limits", "opened_devices", "run_haptics"]
-
 
 @contextmanager
 def opened_devices(named: Sequence[tuple[str, DeviceOptions]]) -> Generator[list[Device]]:

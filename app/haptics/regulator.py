@@ -22,11 +22,6 @@ from numpy.typing import NDArray
 from app.haptics.device import DeviceLimits
 from kernel_cache import njit
 
-__all__ = [
-    "ALLOWED", "BRAKED", "LEAST", "MADE", "MODELLED", "SAMPLED", "WITHHELD", "WORK", "Regulator",
-    "regulate",
-]  # fmt: skip
-
 Array = NDArray[np.float64]
 
 WORK, MODELLED, SAMPLED, BRAKED, WITHHELD, MADE, LEAST, ALLOWED = range(8)

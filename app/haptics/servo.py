@@ -22,8 +22,6 @@ from app.haptics.regulator import ALLOWED, BRAKED, LEAST, SAMPLED, WITHHELD, WOR
 from app.haptics.servo_loop import FRESH, LIVE, PLACE_UNIT, ServoLoop
 from app.haptics.servo_report import Energies, ForceCheck, ServoReport, TimeHistogram
 
-__all__ = ["ORDINARY", "Servo", "real_time"]
-
 SPIN_SECONDS = 1.5e-4
 """How long before a period it stops sleeping, s: a sleep ends late by up to as much."""
 # Time left to a period, s, in which a step can be taken to warm the caches.

@@ -29,8 +29,6 @@ from app.haptics.haptic_beam import UP, HapticModel
 from app.haptics.regulator import MODELLED, Regulator, regulate
 from kernel_cache import njit
 
-__all__ = ["CLUTCH", "FRESH", "LIVE", "PLACE_UNIT", "TAKE", "LoopSettings", "ServoLoop"]
-
 Array = NDArray[np.float64]
 
 PLACE_UNIT = 1e-7

@@ -29,19 +29,6 @@ from app.simulation import HandContact
 from physics import Beam, Theory
 from physics.bed import BeamOnBed
 
-__all__ = [
-    "HEAD",
-    "ROW",
-    "BedSetting",
-    "DuctSetting",
-    "HapticSetting",
-    "HookSnapshot",
-    "ServoEnd",
-    "ServoLink",
-    "ServoProcess",
-    "Snapshot",
-]  # fmt: skip
-
 NUMBER, GENERATION, TORN, FRESH_PEAK, HEAD = range(5)
 """Entries of the shared array; then come those of each hand."""
 TIP, FORCE, PEAK, STATION, TUBE, ROW = 0, 3, 6, 7, 8, 9

@@ -4,8 +4,6 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-__all__ = ["Percentiles", "ServoReport", "TimeHistogram"]
-
 # Of 1 us.
 BINS = 100_000
 

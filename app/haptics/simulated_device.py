@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from app.haptics.hand import HandScript
 from kernel_cache import njit
 
-__all__ = ["STEP", "SimulatedDevice"]
-
 Array = NDArray[np.float64]
 
 STEP = 1e-4

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from app.haptics.device import DeviceLimits, DeviceOptions, DeviceState
 from app.haptics.simulated_device import STEP, SimulatedDevice
 
-__all__ = ["VirtualDevice", "open_virtual"]
-
 
 class VirtualDevice:
     """A simulated device in a scripted hand, the same to the bit each time."""

@@ -24,8 +24,6 @@ from app.peel.tables import (
 )
 from physics.bed import History, Join, Network, SpaceBeam, Strands, pull
 
-__all__ = ["PeelScene", "read_scene"]
-
 MOST_BYTES = 20_000_000
 """Size of a scene file: some 100,000 strands, each in a table of its own."""
 MEETS_MM = 0.5

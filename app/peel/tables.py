@@ -22,21 +22,6 @@ from physics.bed import (
 from physics.bed.space_beam import axis_line
 from physics.quantity import finite, positive
 
-__all__ = [
-    "BeamTable",
-    "BedTable",
-    "HandTable",
-    "JoinTable",
-    "LayerTable",
-    "Point",
-    "RodTable",
-    "StrandTable",
-    "TimeTable",
-    "TubeTable",
-    "beyond",
-    "on_axis",
-]
-
 Number = int | float
 Numbers = Number | list[Number]
 Point = tuple[Number, Number, Number]

@@ -19,13 +19,12 @@ from app.simulation.exercises.exercise import (
     Exercise,
     ExerciseInputs,
     Feedback,
-    FreeLength,
     Limit,
     Opening,
     Outcome,
-    Stay,
 )
 from app.simulation.exercises.exercise_table import EXERCISES
+from app.simulation.exercises.goals import FreeLength, Stay
 from app.simulation.exercises.metrics import DISTANCE_TO_BREAK, METRIC_OF, METRICS, Metric, Metrics
 from app.simulation.exercises.next_step import NextStep
 from app.simulation.exercises.older_exercises import renamed_exercise, renamed_goal, renamed_numbers

@@ -16,8 +16,6 @@ from app.simulation.session.session import Session
 from app.simulation.specimen.tear import SETTLED_SECONDS
 from organ_geometry import Organ
 
-__all__ = ["AFTER_TEAR", "FEW", "Replay", "Series", "loading_rates"]
-
 AFTER_TEAR = math.ceil(SETTLED_SECONDS * TICKS_PER_SECOND) + 1
 """Ticks after a tear in which the pieces come to rest: replayed, but not part of the run."""
 FEW = 300

@@ -9,8 +9,6 @@ from app.simulation.session.session import Session
 from app.simulation.tissue.safety import ENOUGH, SOME, Safety
 from app.simulation.tissue.spatial_tissue import EventKind
 
-__all__ = ["Seen", "Sights"]
-
 LOOK_TICKS = TICKS_PER_SECOND
 """Ticks between two looks at the view."""
 HAPPENED: dict[EventKind, str] = {

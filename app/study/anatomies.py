@@ -21,8 +21,6 @@ from app.study.ducts import Block, groups
 from app.study.inputs import ANATOMY
 from app.study.plan import Plan
 
-__all__ = ["FIRST_TORN", "solve_anatomies"]
-
 FIRST_TORN = "first_torn"
 """Column of the tube that tears first; null where none does."""
 SPEED = 8.0

@@ -23,8 +23,6 @@ from app.study.beds import lift
 from app.study.fit import BOUND, Estimate, Identifiability, MeasuredPull, in_streaks, student
 from physics.bed import SpaceBeam
 
-__all__ = ["BedFit", "fit_bed"]
-
 Row = NDArray[np.float64]
 
 ELEMENTS, STRANDS_A_MM, STEPS = 32, 4.0, 40

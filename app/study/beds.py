@@ -26,8 +26,6 @@ from organ_geometry import Organ
 from physics import Exact, NoEquilibrium
 from physics.bed import Bed, Hand, History, SpaceBeam
 
-__all__ = ["bed_of", "lift", "solve_beds"]
-
 STEPS, ELEMENTS = 40, 40
 OUTPUTS = (
     "threshold_MPa",

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from app.bounded_file import read_bounded
 from app.simulation import LIMITS
 
-__all__ = ["Curve", "read_curves"]
-
 LENGTHS = {
     "mm": 1.0,
     "um": 1e-3,

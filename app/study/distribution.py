@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SHAPES", "Choices", "Distribution", "Shape", "distribution_of"]
-
 Row = NDArray[np.float64]
 
 EDGE = 2.0**-53

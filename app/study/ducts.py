@@ -24,16 +24,6 @@ from organ_geometry import Organ
 from physics import Beam, Exact, Theory, VaryingBeam, law_named, theory_named
 from physics.many import Beams, Ducts, SolvedDucts, solve_many
 
-__all__ = [
-    "Block",
-    "Outputs",
-    "groups",
-    "round_ducts",
-    "sized_beam",
-    "solve_pulls",
-    "strength_of",
-]
-
 Row = NDArray[np.float64]
 Outputs = dict[str, Row]
 """(N,) rows by name; nan where there is none."""

@@ -25,8 +25,6 @@ from app.study.results import ResultsFolder, packed, study_versions
 from app.study.sampling import drawn_columns, draws
 from app.workers import Progress, by_dask, by_processes, cores
 
-__all__ = ["Done", "Ensemble", "run_study"]
-
 # Rows of a block, about, by theory; of several the fewest.
 ROWS_OF_BLOCK = {"cubic": 16384, "string": 16384, "exact": 1024, "fem": 16, "mass-spring": 8}
 # The same of organs by the exact theory, each with a mesh of its own at worst.

@@ -31,11 +31,6 @@ from physics import (
     critical_stations,
 )
 
-__all__ = [
-    "BOUND", "Estimate", "Fit", "Identifiability", "MeasuredPull", "fit_pulls", "in_streaks",
-    "student",
-]  # fmt: skip
-
 Row = NDArray[np.float64]
 Identifiability = Literal["identified", "correlated", "unidentified", "fixed"]
 """How far data tell a parameter: it may be correlated with another one, or was not sought."""

@@ -12,8 +12,6 @@ from app.study.curves import Curve
 from app.study.report import COLOURS
 from organ_geometry import write_atomic
 
-__all__ = ["draw_fit"]
-
 
 def draw_fit(
     curves: list[Curve], residuals: list[NDArray[np.float64]], title: str, path: Path

@@ -5,16 +5,6 @@ from dataclasses import dataclass
 from app.simulation import LIMITS
 from physics.exact import MOST_STIFFENING
 
-__all__ = [
-    "ANATOMY",
-    "ANATOMY_INPUTS",
-    "BED",
-    "BED_INPUTS",
-    "DUCT_INPUTS",
-    "INPUTS",
-    "Input",
-]
-
 BED = "bed."
 """Prefix of the inputs of a bed."""
 ANATOMY = "anatomy."

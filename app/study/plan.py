@@ -30,8 +30,6 @@ from app.study.inputs import (
 from app.toml_lines import TomlLines
 from organ_geometry import Organ, organ_from_bytes
 
-__all__ = ["Plan", "Sampling", "Value", "read_plan"]
-
 Value = float | str
 Sampling = Literal["sobol", "latin-hypercube"]
 

@@ -14,8 +14,6 @@ from app.simulation import THESIS_PRESET, Preset, preset_named, presets
 from app.study.plan import read_plan
 from app.study.results import ResultsFolder
 
-__all__ = ["preset_of_results"]
-
 
 def preset_of_results(folder: Path) -> Preset:
     """Return the plan's preset with the modulus and strength, and their factors, of the results."""

@@ -29,8 +29,6 @@ from organ_geometry import write_atomic
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["TearCurve", "wilson", "write_report"]
-
 Row = NDArray[np.float64]
 
 Z = 1.959964

@@ -28,8 +28,6 @@ from app.study.plan import Plan
 from app.versions import versions
 from organ_geometry import make_folder, write_atomic
 
-__all__ = ["ResultsFolder", "packed", "study_versions", "unit_of"]
-
 UNITS = ("MPa", "N", "mm", "mJ", "ml", "s")
 """Of outputs, whose names end in them."""
 KEY = b"bluntdissect"

@@ -17,8 +17,6 @@ from scipy.stats import qmc
 
 from app.study.distribution import Choices, Distribution
 
-__all__ = ["Column", "drawn_columns", "draws"]
-
 Column = NDArray[np.float64] | NDArray[np.int64]
 """(N,) numbers, or indices of choices."""
 

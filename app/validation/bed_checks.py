@@ -14,8 +14,6 @@ from physics.bed.peel_theory import (
     peel_toughness,
 )
 
-__all__ = ["BedCheck", "bed_checks"]
-
 PEELS = (*((degrees, 8.0) for degrees in (30, 60, 90, 120, 150)), (30, 20.0), (150, 20.0))
 """Degrees at which a strip is peeled, and its stretching stiffness, N."""
 

@@ -21,18 +21,6 @@ from physics import (
 )
 from physics.bed import Hand, SpaceBeam, pull
 
-__all__ = [
-    "COMPARED",
-    "Column",
-    "Comparison",
-    "HollowErrors",
-    "SolidErrors",
-    "compared",
-    "held_out_errors",
-    "hollow_errors",
-    "solid_errors",
-]
-
 COMPARED: Mapping[str, Theory] = {
     "cubic": Cubic(),
     "cubic, fitted q": Cubic(q="fitted"),

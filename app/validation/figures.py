@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FIGURES", "draw_figures", "save_figure"]
-
 FIGURES = {
     "figure-6-1": "Load and deflection, rubber (table 6.1)",
     "figure-6-7": "Load and deflection, bile duct (table 6.3)",

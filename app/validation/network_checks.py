@@ -10,8 +10,6 @@ from physics.bed import BeamOnBed, End, Join, Network, SpaceBeam, Strands
 from physics.bed.kernels import CONTACT_STIFFNESS
 from physics.bed.peel_theory import cantilever_compliance
 
-__all__ = ["crossed_tubes", "network_checks", "t_peel", "two_beams"]
-
 Floats = NDArray[np.float64]
 
 OUTER, INNER = 2.0, 1.4

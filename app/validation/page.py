@@ -8,16 +8,6 @@ from app.validation.bed_checks import BedCheck
 from app.validation.comparison import Comparison, HollowErrors, SolidErrors
 from app.validation.figures import FIGURES
 
-__all__ = [
-    "beds_table",
-    "errors_table",
-    "hollow_table",
-    "markdown_table",
-    "page",
-    "rows_table",
-    "solids_table",
-]
-
 
 def page(
     comparisons: Sequence[Comparison],

@@ -21,8 +21,6 @@ from physics.bed.avulsion import avulse
 from physics.bed.peel_theory import peel_force, peel_toughness
 from physics.load_cases import inflate, rupture_along
 
-__all__ = ["LOADS", "Experiment", "Prediction", "predicted", "read_experiment", "shipped"]
-
 Draw = Mapping[str, float]
 
 MOST_BYTES = 100_000

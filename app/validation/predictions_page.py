@@ -13,8 +13,6 @@ from app.validation.figures import save_figure
 from app.validation.page import markdown_table
 from app.validation.predictions import DRAWS, SEED, Experiment, Prediction
 
-__all__ = ["draw_predictions", "prediction_lines", "predictions_page", "predictions_table"]
-
 HIT = 2.0
 """|z| up to which a prediction counts as met."""
 

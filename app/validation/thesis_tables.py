@@ -10,11 +10,6 @@ import msgspec
 from assets import VALIDATION
 from physics import Beam
 
-__all__ = [
-    "HELD_OUT", "HOLLOW", "INCH", "LBF", "PSI", "TABLES", "TABLE_6_1", "TABLE_6_2", "TABLE_6_3",
-    "Curve", "HeldOut", "Hollow", "Row", "Table",
-]  # fmt: skip
-
 INCH = 25.4
 """mm."""
 LBF = 4.4482216152605

@@ -41,16 +41,7 @@ from organ_geometry.contours.section_region import (
     with_margin,
 )
 from organ_geometry.contours.trace_options import EdgeMethod, FoundPolarity
-from organ_geometry.images.image_stack import GreyImage
-
-__all__ = [
-    "BORDER_PROBLEM",
-    "as_grey",
-    "find_polarity",
-    "pixel_scale",
-    "region_edges",
-    "touches_border",
-]
+from organ_geometry.images.grey_image import GreyImage
 
 BORDER_PROBLEM = "the organ touches the image's border"
 

@@ -38,7 +38,7 @@ from organ_geometry.contours.section_region import (
     without,
 )
 from organ_geometry.contours.trace_options import FoundPolarity
-from organ_geometry.images.image_stack import GreyImage
+from organ_geometry.images.grey_image import GreyImage
 
 # Where an organ leaks, its edge is weaker than this share of an ideal one.
 CLEAR_EDGE = 0.3

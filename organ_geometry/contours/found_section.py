@@ -18,7 +18,7 @@ from organ_geometry.contours.section_region import (
     mask_of,
 )
 from organ_geometry.contours.trace_options import EdgeMethod, FoundPolarity
-from organ_geometry.images.image_stack import GreyImage
+from organ_geometry.images.grey_image import GreyImage
 
 # Another part counts from this share of the organ's area on.
 OTHER_COMPONENT = 0.05

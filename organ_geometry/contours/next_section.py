@@ -53,7 +53,7 @@ from organ_geometry.contours.section_region import (
     with_margin,
     without,
 )
-from organ_geometry.images.image_stack import GreyImage
+from organ_geometry.images.grey_image import GreyImage
 
 # How far around the last section the next is looked for, as a share of the root of its area.
 REACH = 0.4

@@ -35,7 +35,8 @@ from organ_geometry.contours.traced_organ import (
     slice_ranges,
     with_persistent_lumens,
 )
-from organ_geometry.images.image_stack import GreyImage, ImageStack
+from organ_geometry.images.grey_image import GreyImage
+from organ_geometry.images.image_stack import ImageStack
 
 Progress = Callable[[int, int], None]
 

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["KeyBlend"]
-
 # The slope of the straight line between the two keys of a piece, times its gap.
 CHORD = np.array([0.0, -1.0, 1.0, 0.0])
 

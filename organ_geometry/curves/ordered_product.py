@@ -8,8 +8,6 @@ as products for the same reason.
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ordered_product"]
-
 
 def ordered_product(
     a: NDArray[np.float64], b: NDArray[np.float64] | NDArray[np.int64]

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from organ_geometry.images.grey_image import ImageStackError
 from organ_geometry.images.medical_file import MedicalHeader, is_dicom_file
 
-__all__ = ["DicomSegment", "dicom_segments", "segmentation_files"]
-
 Ints = NDArray[np.int64]
 
 # Slices without a segment are left out of files: so many are put before the first and after the

@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.images.grey_image import GreyImage, ImageStackError, Slices
+from organ_geometry.images.grey_image import GreyImage, Slices
 from organ_geometry.images.image_planes import ImagePlanes
-
-__all__ = ["GreyImage", "ImageStack", "ImageStackError"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

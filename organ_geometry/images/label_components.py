@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-__all__ = ["DOUBTED_FRACTION", "LabelComponents", "label_components"]
-
 DOUBTED_FRACTION = 0.02
 """A second part with more than this share of a label is a doubt."""
 

@@ -26,8 +26,6 @@ from organ_geometry.images.medical_file import (
     write_values,
 )
 
-__all__ = ["LabelVolume", "read_labels", "write_labels"]
-
 # More labels than these are grey levels.
 _MOST_LABELS = 4096
 # How far axes may be from perpendicular: what files round.

@@ -45,8 +45,6 @@ from organ_geometry.images.medical_file import (
 )
 from organ_geometry.images.spacing_file import read_spacing
 
-__all__ = ["ReadOptions", "read_image_stack", "stack_labels"]
-
 # Images of more values are grey.
 MOST_LABELS = 64
 

@@ -12,17 +12,6 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "COLOR_MAP",
-    "INSIDE",
-    "OUTER_WALL",
-    "Color",
-    "color_map",
-    "linear_light",
-    "srgb_color",
-    "stress_colors",
-]
-
 Color: TypeAlias = tuple[int, int, int]
 """sRGB, 0 to 255."""
 

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from organ_geometry.mesh.color import Color, linear_light
 
-__all__ = ["GLTF_FROM_MM", "Finish", "GltfFile", "VectorKind", "metres", "turned"]
-
 GLTF_FROM_MM = 1e-3 * np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """glTF is metres with +y up; ours is mm with +z up."""
 

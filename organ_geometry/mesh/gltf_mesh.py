@@ -10,8 +10,6 @@ from organ_geometry.mesh.gltf_file import Finish, GltfFile, metres, turned
 from organ_geometry.mesh.normals import vertex_normals
 from organ_geometry.mesh.skin import Side, Skin
 
-__all__ = ["Primitive", "skin_primitives"]
-
 _WHITE = (255, 255, 255)  # under the colours of vertices
 _WALLS: tuple[tuple[Side, str, Color, float], ...] = (
     ("outer", "outer wall", OUTER_WALL, 0.45),

@@ -9,8 +9,6 @@ from organ_geometry.mesh.gltf_file import GltfFile
 from organ_geometry.mesh.gltf_mesh import skin_primitives
 from organ_geometry.mesh.skin import Surface
 
-__all__ = ["COLORED_SUFFIXES", "SUFFIXES", "mesh_content"]
-
 SUFFIXES = (".stl", ".ply", ".obj", ".glb")
 """Kinds of file, by suffix."""
 COLORED_SUFFIXES = (".ply", ".glb")

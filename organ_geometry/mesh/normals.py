@@ -5,8 +5,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["vertex_normals"]
-
 
 def vertex_normals(
     vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]], *, welded: bool = False

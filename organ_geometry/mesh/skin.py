@@ -11,17 +11,6 @@ from kernel_cache import njit
 from organ_geometry.driving_points import DrivingPoints
 from organ_geometry.organ import Organ, Wall
 
-__all__ = [
-    "BoundSkin",
-    "Side",
-    "Skin",
-    "Surface",
-    "organ_skin",
-    "ring_angles",
-    "sides_of",
-    "tube_skin",
-]
-
 Side: TypeAlias = Literal["outer", "inside"]
 """The outer wall; the lumen and what closes the ends."""
 Scalar = TypeVar("Scalar", bound=np.generic)

@@ -13,8 +13,6 @@ from kernel_cache import njit
 from organ_geometry.mesh.skin import Skin, ring_angles, sides_of, tube_skin
 from organ_geometry.organ import Organ
 
-__all__ = ["TornPiece", "torn_pieces"]
-
 # Largest distance of the rim from its mean station, in mean radii.
 RAGGEDNESS = 0.24
 # Tags of tissue that stand out of a rim.

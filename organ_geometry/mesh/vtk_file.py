@@ -15,8 +15,6 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["pvd_content", "vtp_content"]
-
 _TYPES = {"f4": "Float32", "f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 _EFFORT = 4  # of zlib's 9: twice as fast as its usual 6 and next to as small
 _BYTE_ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"

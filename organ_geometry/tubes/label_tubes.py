@@ -35,8 +35,6 @@ from organ_geometry.tubes.tube_joins import (
     parents_first,
 )
 
-__all__ = ["FoundTubes", "LabelTube", "LabelTubes", "found_tubes", "tubes_of_labels"]
-
 Floats = NDArray[np.float64]
 
 # Of a section's rim at another tube; a joined end begins where it is less. It is looked for over so

@@ -7,8 +7,6 @@ from organ_geometry.curves.half_curves import fit_half_curves
 from organ_geometry.organ import Organ
 from organ_geometry.reslice.curve_frames import rotation_minimising_frames
 
-__all__ = ["round_organ"]
-
 
 def round_organ(axis: NDArray[np.float64], radii: NDArray[np.float64], name: str = "") -> Organ:
     """Return the solid organ of circles across an axis.

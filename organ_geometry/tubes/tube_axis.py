@@ -27,8 +27,6 @@ from organ_geometry.reslice.curve_frames import (
 )
 from organ_geometry.tubes.tube_wall import TubeWall, fitted_wall
 
-__all__ = ["LabelVoxels", "TubeAxis", "label_voxels", "no_side", "tube_axis"]
-
 Floats = NDArray[np.float64]
 
 # A second part of a label with more than this share of it is refused.

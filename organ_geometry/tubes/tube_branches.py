@@ -26,8 +26,6 @@ from organ_geometry.tubes.tube_axis import (
     tube_axis,
 )
 
-__all__ = ["SplitLabels", "outside_wall", "split_labels"]
-
 Floats = NDArray[np.float64]
 
 # A branch lies so far outside the wall, in radii, and is at least so large, in cubed radii. It

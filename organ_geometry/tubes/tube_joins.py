@@ -18,8 +18,6 @@ from scipy import ndimage
 from organ_geometry.images.label_volume import LabelVolume
 from organ_geometry.tubes.tube_axis import TubeAxis
 
-__all__ = ["JoinPlace", "TubeJoin", "acyclic_joins", "found_joins", "join_of", "parents_first"]
-
 JoinPlace: TypeAlias = Literal["begin", "end", "middle"]
 Floats = NDArray[np.float64]
 

@@ -27,8 +27,6 @@ from scipy.sparse import csr_matrix, diags, identity, kron
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
-__all__ = ["TubeWall", "fitted_wall"]
-
 Floats = NDArray[np.float64]
 
 _WRONG = 0.02

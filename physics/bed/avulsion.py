@@ -13,8 +13,6 @@ from physics.exact import Law
 from physics.load_cases import rupture_along
 from physics.quantity import finite, positive
 
-__all__ = ["Avulsion", "avulse"]
-
 # Of the beam's length: how far the end is led at first, and at most; by how much farther each time;
 # and the fraction of that to which a break is known.
 FIRST, MOST, FARTHER, TOLERANCE = 1e-3, 20.0, 1.25, 1e-6

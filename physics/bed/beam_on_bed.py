@@ -25,8 +25,6 @@ from physics.equilibrium import NoEquilibrium
 from physics.quantity import finite, positive
 from physics.tear_growth import DEEPEST, START
 
-__all__ = ["BeamOnBed", "step_numbers"]
-
 Floats = NDArray[np.float64]
 
 # s, by which damage in real time lags behind its law: pulls are 1.6 % too large at 5 mm/s in a firm

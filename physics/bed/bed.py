@@ -12,8 +12,6 @@ from physics.bed.space_beam import SpaceBeam
 from physics.bed.strands import Strands
 from physics.quantity import finite, positive
 
-__all__ = ["Bed", "Patch"]
-
 Floats = NDArray[np.float64]
 
 # mm: steps in which the nearest place of another tube is looked for; shortest strand between tubes.

@@ -23,8 +23,6 @@ from kernel_cache import njit
 from physics.bed.beam_on_bed import BeamOnBed
 from physics.quantity import finite, positive
 
-__all__ = ["Flow", "Fluid"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

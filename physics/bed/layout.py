@@ -19,18 +19,6 @@ from physics.bed.space_beam import HELD, tangents
 from physics.bed.strands import Strands
 from physics.bed.touching import Touching
 
-__all__ = [
-    "AT_ONCE",
-    "REACH_OF_RODS",
-    "Coupling",
-    "Relaxing",
-    "Rest",
-    "Tube",
-    "shapes",
-    "state_of",
-    "times",
-]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Shapes = dict[str, tuple[tuple[int, ...], type[np.generic]]]

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from physics.bed.space_beam import SpaceBeam
 from physics.quantity import finite, positive
 
-__all__ = ["Elimination", "Join", "Network"]
-
 Ints = NDArray[np.int64]
 
 # Of a tube's length, how far off a node or a place may be and still be the one that is meant; mm,

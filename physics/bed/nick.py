@@ -24,8 +24,6 @@ from physics.ligament_section import LigamentSection, ligament
 from physics.section import Ring
 from physics.tear_growth import weak_length
 
-__all__ = ["LENGTH", "Nick", "Weak"]
-
 Floats = NDArray[np.float64]
 
 LENGTH = 4.0 - 2.0 * math.sqrt(3.0)

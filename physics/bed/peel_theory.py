@@ -11,15 +11,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "cantilever_compliance",
-    "crack_force",
-    "double_peel_force",
-    "end_deflection",
-    "peel_force",
-    "peel_toughness",
-]
-
 Floats = NDArray[np.float64]
 
 

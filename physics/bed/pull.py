@@ -19,8 +19,6 @@ from physics.equilibrium import NoEquilibrium
 from physics.quantity import finite, positive
 from physics.tear_growth import DEEPEST
 
-__all__ = ["Hand", "History", "Rod", "pull", "step_places"]
-
 Floats = NDArray[np.float64]
 Steps = int | tuple[int, ...]
 

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from physics.bed import kernels
 from physics.equilibrium import NoEquilibrium
 
-__all__ = ["EnergyAudit", "advance"]
-
 Floats = NDArray[np.float64]
 
 # How often strands may slip off rods in one substep, each time with another equilibrium.

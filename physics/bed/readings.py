@@ -14,8 +14,6 @@ from physics.bed.layout import Rest, times
 from physics.bed.nick import Nick
 from physics.quantity import finite
 
-__all__ = ["EnergyBalance", "Readings", "WorstStress"]
-
 Floats = NDArray[np.float64]
 
 

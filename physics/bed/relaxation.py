@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 from physics.quantity import finite, positive
 
-__all__ = ["Relaxation"]
-
 
 @dataclass(frozen=True, slots=True)
 class Relaxation:

@@ -22,8 +22,6 @@ from physics.exact.linear_law import Linear
 from physics.quantity import finite, positive
 from physics.section import Ring
 
-__all__ = ["HELD", "End", "SpaceBeam", "axis_line"]
-
 End = Literal["clamped", "pinned", "sliding", "roller", "free"]
 """How an end is held: clamped does not move or turn, pinned turns, sliding moves along x, roller
 does both, free is not held."""

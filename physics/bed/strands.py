@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from physics.bed.space_beam import SpaceBeam
 
-__all__ = ["Strands"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

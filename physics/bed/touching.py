@@ -9,8 +9,6 @@ from physics.bed import kernels
 from physics.bed.network import Network
 from physics.bed.space_beam import SpaceBeam
 
-__all__ = ["Touching"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -22,8 +22,6 @@ from physics.pull import Pull
 from physics.quantity import finite, stations_on
 from physics.rupture import BreakEvent, check_rupture, critical_stations
 
-__all__ = ["BeyondLaw", "Exact", "ExactPull", "Hold", "Law", "Reason"]
-
 Law = Linear | NeoHooke | Exponential
 """What a section's forces are at its strains."""
 

@@ -25,14 +25,6 @@ from physics.exact.state import KERNEL, Array, State, new_state
 from physics.exact.symbols import *
 from physics.section import Ring
 
-__all__ = [
-    "DUCT_ROWS",
-    "SOLVED_ROWS",
-    "lateral_constants",
-    "solve_exact_beam",
-    "solve_exact_ducts",
-]
-
 # Rows of the ducts, a column each: I/(A S^2), c/S, grasp/S; threshold over E (nan: none); load,
 # F/(E A) or d/S (nan: none); 1/(G A_s) in 1/(E A), or nu, a of `lateral_constant`, y/S and
 # weight of the outer fibres, and the deficit in shear.

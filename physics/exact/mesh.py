@@ -10,8 +10,6 @@ from kernel_cache import njit
 from physics.beam import Beam
 from physics.exact.state import KERNEL
 
-__all__ = ["LAYER", "element_bounds", "steepness"]
-
 LAYER = 3.0
 """End spacing of the mesh in radii of gyration, times the number of elements of a part.
 

@@ -22,8 +22,6 @@ from app.compression.build_process import BuildProcess
 from app.compression.image_upload import UploadBounds, unpack_upload
 from app.compression.organ_workbench import OrganChoice, _opened
 
-__all__ = ["BOMBS", "used_bombs"]
-
 SECONDS, MEGABYTES = 20.0, 600.0
 HUGE = 2**29  # bytes that a small file unpacks to
 

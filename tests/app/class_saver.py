@@ -11,8 +11,6 @@ from pathlib import Path
 from app.classroom.recorder import Recorder
 from app.classroom.store import ClassStore, RunRecord, now
 
-__all__ = ["check_killed", "killed_while_saving"]
-
 
 def killed_while_saving(path: Path, seconds: float) -> set[str]:
     """Kill a process that saves, so long after its first; return what it had acknowledged."""

@@ -5,14 +5,12 @@ from collections.abc import Iterator
 import pytest
 import viser
 from browser import running_browser
-from own_organ import tube_file
+from own_organ import tube_file  # noqa: F401  (a fixture)
 from playwright.sync_api import Browser
 from simulated import phantom
 
 from app.compression.build_process import BuildProcess
 from app.trainer.server.trainer import Trainer
-
-__all__ = ["tube_file"]
 
 
 @pytest.fixture(scope="session")

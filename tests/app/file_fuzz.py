@@ -31,8 +31,6 @@ from organ_geometry import read_image_stack
 from organ_geometry.images import image_files, spacing_file, stack_reader
 from organ_geometry.organ_file import organ_code, organ_file, organ_from_bytes, symbol_coder
 
-__all__ = ["KINDS", "organ_of"]
-
 SECONDS, MEGABYTES = 5.0, 1024
 LONGEST = 4096  # bytes of a mutated file
 LED_BY = (

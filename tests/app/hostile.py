@@ -13,8 +13,6 @@ from websockets.exceptions import ConnectionClosed
 
 from benchmarks.page_protocol import CAMERA, Page, connected, hand_forces
 
-__all__ = ["ATTACKS", "kept_fraction", "run_attack"]
-
 FLOOD = 3000  # messages
 HEAVY = 5 * [40_000_000]  # bytes
 SILENT, MUTE = 300, 60

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from organ_geometry import ReadOptions
-from organ_geometry.images.image_stack import ImageStackError
+from organ_geometry.images.grey_image import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
 
 itk = pytest.importorskip("SimpleITK")

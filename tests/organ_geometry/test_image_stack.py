@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 from organ_geometry import ReadOptions
+from organ_geometry.images.grey_image import ImageStackError
 from organ_geometry.images.image_files import _quiet_decoders
-from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
 
 WriteStack = Callable[..., Path]

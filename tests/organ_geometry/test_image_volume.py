@@ -16,7 +16,8 @@ import pytest
 from numpy.typing import NDArray
 
 from organ_geometry import ReadOptions
-from organ_geometry.images.image_stack import ImageStack, ImageStackError
+from organ_geometry.images.grey_image import ImageStackError
+from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.medical_file import read_values
 from organ_geometry.images.stack_reader import read_image_stack
 

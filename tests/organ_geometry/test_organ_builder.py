@@ -26,8 +26,8 @@ from organ_geometry.curves.half_curves import (
 )
 from organ_geometry.curves.outline_distance import polygon_distances
 from organ_geometry.encoder.encode import ToleranceTooSmall
+from organ_geometry.images.grey_image import ImageStackError
 from organ_geometry.images.image_files import name_jumps
-from organ_geometry.images.image_stack import ImageStackError
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.organ_builder import BuiltOrgan, build_fitted, build_organ
 from organ_geometry.organ_file import code_from_bytes, organ_from_bytes

@@ -19,7 +19,8 @@ from organ_geometry.contours.organ_tracing import trace_organ
 from organ_geometry.contours.trace_options import EdgeMethod
 from organ_geometry.contours.traced_organ import TracedOrgan, slice_ranges
 from organ_geometry.curves.outline_distance import polygon_distances
-from organ_geometry.images.image_stack import ImageStack, ImageStackError
+from organ_geometry.images.grey_image import ImageStackError
+from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.stack_reader import read_image_stack
 
 Cover = Callable[..., NDArray[np.float64]]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from organ_geometry import TraceOptions, trace_organ
-from organ_geometry.images.grey_image import GreyImage
+from organ_geometry.images.grey_image import GreyImage, ImageStackError
 from organ_geometry.images.image_planes import ImagePlanes
-from organ_geometry.images.image_stack import ImageStack, ImageStackError
+from organ_geometry.images.image_stack import ImageStack
 from organ_geometry.images.image_volume import VolumeSlices
 from organ_geometry.images.stack_reader import read_image_stack
 from organ_geometry.reslice.organ_voxels import organ_voxels

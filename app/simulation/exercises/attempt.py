@@ -6,8 +6,6 @@ from app.simulation.exercises.metrics import METRIC_OF, metrics_of
 from app.simulation.exercises.metrics_recorder import MetricsRecorder
 from app.simulation.inputs.clock import TICK_SECONDS
 
-__all__ = ["Attempt"]
-
 
 class Attempt:
     """One go at an exercise; `outcome` is None while it goes on."""

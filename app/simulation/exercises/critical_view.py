@@ -5,8 +5,6 @@ from typing import Literal, NamedTuple
 
 from app.anatomy import tube_title
 
-__all__ = ["ENOUGH", "MOST_POINTS", "OPENED", "SOME", "Closing", "CriticalView", "Part", "Tenting"]
-
 MOST_POINTS = 6
 """Of the critical view: two for each of its parts."""
 ENOUGH, SOME = 0.9, 0.6

@@ -10,32 +10,12 @@ from app.anatomy import Anatomy
 from app.bed_preset import BedPreset
 from app.simulation.exercises.errors import ERROR_CLASSES
 from app.simulation.exercises.goals import (
-    BreakApart,
     CriticalView,
-    FreeLength,
     Goal,
-    Stay,
-    StopBleeding,
     WhoIsWho,
 )
 from app.simulation.exercises.metrics import METRIC_OF
 from app.simulation.inputs.inputs import INSTRUMENTS, Instrument, Structure
-
-__all__ = [
-    "BreakApart",
-    "CriticalView",
-    "Exercise",
-    "ExerciseInputs",
-    "Feedback",
-    "FreeLength",
-    "Limit",
-    "Opening",
-    "Outcome",
-    "Stay",
-    "StopBleeding",
-    "WhoIsWho",
-    "feedback_visible",
-]
 
 LONGEST_SECONDS = 3600.0
 """Exercises take minutes; a longer time limit is most likely in the wrong unit and is refused."""

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from app.simulation.inputs.inputs import ALL_INSTRUMENTS, HOLDING, INSTRUMENTS, Instrument
 
-__all__ = ["EXERCISES", "ExerciseKind"]
-
 
 @dataclass(frozen=True)
 class ExerciseKind:

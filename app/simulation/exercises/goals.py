@@ -14,17 +14,6 @@ from app.simulation.inputs.clock import TICK_SECONDS
 from app.simulation.inputs.inputs import STRUCTURES, Structure
 from app.simulation.specimen.grasped_beam import GraspedBeam
 
-__all__ = [
-    "BreakApart",
-    "CriticalView",
-    "Followed",
-    "FreeLength",
-    "Goal",
-    "Stay",
-    "StopBleeding",
-    "WhoIsWho",
-]
-
 MOST_REPEATS = 100
 VIEW_TICKS, MOST_CLIPS = 10, 4
 LOST_MM = 3.0

@@ -5,8 +5,6 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 
-__all__ = ["DISTANCE_TO_BREAK", "METRICS", "METRIC_OF", "Metric", "Metrics", "metrics_of"]
-
 Metrics = dict[str, Any]
 """The metrics of a run by key: a number, a list of one of each hand, or what is known of the tear;
 None where the run gives none."""

@@ -8,8 +8,6 @@ from app.simulation.exercises.critical_view import Closing, CriticalView
 from app.simulation.exercises.errors import Incidents
 from app.simulation.inputs.inputs import Structure
 
-__all__ = ["MetricsRecorder"]
-
 
 class MetricsRecorder(Protocol):
     """Records a run's metrics and finds its errors, tick by tick."""

@@ -10,13 +10,6 @@ from app.anatomy import tube_title
 from app.simulation.exercises.critical_view import Closing
 from app.simulation.inputs.inputs import Instrument
 
-__all__ = [
-    "AS_IT_CAME", "BACK", "CLOSE", "CLOSE_FEW", "DRAW_ASIDE", "DRAW_OFF", "LET_GO", "LIFT",
-    "OPEN", "OPENS",
-    "PART", "PASS", "SLACKEN", "TAKE_HOLD", "TO_RING", "TURN", "UNDER", "WITHDRAW", "NextStep",
-    "Where", "closing_step",
-]  # fmt: skip
-
 Where = Literal["between", "deep", "under", "behind", "plate"]
 PART: dict[Where, str] = {
     "between": "Next: part the tissue between {} and {}: lead the right hand's {} into the ring, "

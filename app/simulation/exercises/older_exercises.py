@@ -4,8 +4,6 @@ from typing import Any
 
 from app.simulation.exercises.exercise_table import EXERCISES
 
-__all__ = ["renamed_exercise", "renamed_goal", "renamed_numbers"]
-
 RENAMED_LIMITS = {
     "share_limit": "peak_stress_ratio",
     "stress_ratio_limit": "peak_stress_ratio",

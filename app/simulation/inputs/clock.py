@@ -1,7 +1,5 @@
 """The clock of a session: fixed ticks, however unevenly real time passes."""
 
-__all__ = ["MOST_TICKS_AT_ONCE", "REACTION_SECONDS", "TICKS_PER_SECOND", "TICK_SECONDS", "Clock"]
-
 TICKS_PER_SECOND = 30
 TICK_SECONDS = 1.0 / TICKS_PER_SECOND
 """s. A run depends on its ticks alone, never on real time, so it can be replayed to the bit."""

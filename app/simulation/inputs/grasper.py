@@ -15,8 +15,6 @@ from typing import Literal
 
 from app.simulation.inputs.clock import TICK_SECONDS
 
-__all__ = ["HAND_SPEED", "Grasper", "Load"]
-
 HAND_SPEED = 60.0
 """mm/s; faster than a dissecting hand moves, slow enough for each frame to be seen."""
 HAND_RATE = 30.0

@@ -18,8 +18,6 @@ from app.simulation.inputs.grasper import ARRIVED_MM, ARRIVED_MM_PER_S, HAND_RAT
 from app.simulation.inputs.inputs import Instrument
 from kernel_cache import kernel
 
-__all__ = ["GRIP_N", "MEAN_PULL", "Hand", "follow"]
-
 GRIP_N = 11.3
 """Mean pull at which tissue slips out of a grasper, N: people pinch with 6.8 N where 3.0 N hold it
 against a pull of 5 N (Heijnsdijk 2004, Surg Endosc 18:980, pig bowel), so 5 N x 6.8 / 3.0."""

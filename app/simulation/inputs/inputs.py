@@ -9,26 +9,6 @@ from app.simulation.inputs.clock import TICK_SECONDS
 from physics import Theory, theory_named
 from physics.theory import LawName
 
-__all__ = [
-    "ALL_INSTRUMENTS",
-    "HOLDING",
-    "INSTRUMENTS",
-    "MOST_INPUTS",
-    "MOST_TICKS",
-    "SCOPE_NUMBERS",
-    "STRUCTURES",
-    "VECTORS",
-    "VIEWS",
-    "WITHOUT_VALUE",
-    "Input",
-    "InputKind",
-    "InputLog",
-    "Instrument",
-    "Structure",
-    "TheoryChoice",
-    "Value",
-]
-
 MOST_TICKS = 2 * 60 * 60 * round(1.0 / TICK_SECONDS)
 """Two hours of ticks, far beyond any training on one duct."""
 MOST_INPUTS = 200_000

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LENGTH", "TROCARS", "Trocar"]
-
 Floats = NDArray[np.float64]
 
 LENGTH = 330.0

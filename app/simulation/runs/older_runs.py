@@ -25,8 +25,6 @@ from app.simulation.runs.run_file import (
 from app.simulation.specimen.preset import Preset
 from physics import LawName
 
-__all__ = ["read_run", "renamed_metrics"]
-
 DAMAGED = "a damaged run"
 
 RENAMED_METRICS = {

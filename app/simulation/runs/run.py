@@ -18,8 +18,6 @@ from app.simulation.runs.run_file import OrganIdentity, RunFile, RunLog, RunStar
 from app.versions import versions
 from physics import Theory
 
-__all__ = ["Run"]
-
 
 class Run:
     """A run: it starts with the first input and is over with the last tear or the exercise.

@@ -31,24 +31,6 @@ from organ_geometry import Organ
 from physics import LawName
 from physics.bed import Strands
 
-__all__ = [
-    "ELEMENTS",
-    "HANDS",
-    "MOST_BYTES",
-    "SUBSTEPS",
-    "VERSION",
-    "OrganIdentity",
-    "RunFile",
-    "RunFileError",
-    "RunLog",
-    "RunStart",
-    "anatomy_or_name",
-    "checked",
-    "run_json",
-    "same_to_12_digits",
-    "strands_digest",
-]
-
 FORMAT: Literal["bluntdissect-run"] = "bluntdissect-run"
 VERSION: Literal[4] = 4
 MOST_BYTES = 16_000_000

@@ -17,18 +17,16 @@ import numpy as np
 
 from app.anatomy import Anatomy
 from app.bed_preset import BedPreset, bed_named, named_or_whole
-from app.simulation.exercises.exercise import (
+from app.simulation.exercises.exercise import Exercise, Limit, Opening
+from app.simulation.exercises.exercise_table import EXERCISES
+from app.simulation.exercises.goals import (
     CriticalView,
-    Exercise,
     FreeLength,
-    Limit,
-    Opening,
+    Goal,
     Stay,
     StopBleeding,
     WhoIsWho,
 )
-from app.simulation.exercises.exercise_table import EXERCISES
-from app.simulation.exercises.goals import Goal
 from app.simulation.inputs.clock import REACTION_SECONDS
 from app.simulation.runs.run_file import anatomy_or_name
 from app.simulation.scripts.scripted_hands import MANNERS, Lift, Technique, perform
@@ -37,8 +35,6 @@ from app.simulation.specimen.grasped_beam import GraspedBeam
 from app.simulation.specimen.specimen import Specimen
 from app.simulation.tissue.safety import Safety
 from app.simulation.tissue.spatial_tissue import FREED_FRACTION
-
-__all__ = ["AT_ANATOMY", "exercise_at", "exercises_offered", "not_offered"]
 
 # Deflection to hold, and its tolerance, over the deflection at break.
 HOLD_FRACTION, HOLD_TOLERANCE = 0.6, 0.05

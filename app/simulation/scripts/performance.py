@@ -20,8 +20,6 @@ from app.simulation.session.session import Session
 from app.simulation.tissue.safety import Safety
 from app.simulation.tissue.spatial_tissue import Event
 
-__all__ = ["Performance", "Script", "Step", "performed", "read_script"]
-
 Floats = NDArray[np.float64]
 Number: TypeAlias = int | float
 Point: TypeAlias = tuple[Number, Number, Number]

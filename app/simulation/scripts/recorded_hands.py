@@ -13,8 +13,6 @@ from app.simulation.scripts.scripted_hands import MANNERS, perform
 from app.simulation.session.session import Session
 from assets import RUNS
 
-__all__ = ["CarefulRun", "careful_run", "has_careful_run"]
-
 RECORDED = ("critical_view", "first_view")
 """Exercises whose careful run ships; `examples/careful_run.py` records the first one, and
 `tests/app/test_first_view.py` the other."""

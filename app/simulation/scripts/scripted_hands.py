@@ -17,16 +17,13 @@ from typing import Protocol
 
 import numpy as np
 
-from app.simulation.exercises.exercise import Exercise, FreeLength, Stay
+from app.simulation.exercises.exercise import Exercise
+from app.simulation.exercises.goals import FreeLength, Stay
 from app.simulation.inputs.clock import TICK_SECONDS
 from app.simulation.inputs.grasper import HAND_SPEED
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.session.session import Session
 from app.simulation.tissue.spatial_tissue import CLIP_OPENING, JAW_RADIUS, LEAST_FLOW
-
-__all__ = [
-    "CAREFUL", "MANNERS", "Clip", "Follow", "Lift", "Reach", "Spread", "Technique", "perform",
-]  # fmt: skip
 
 STEP_MM = 2.0
 """How far the front is to move before a good hand takes hold again."""

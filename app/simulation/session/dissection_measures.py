@@ -23,8 +23,6 @@ from app.simulation.tissue.spatial_tissue import LEAST_FLOW, SpatialTissue
 from kernel_cache import SameTypes, kernel
 from physics.bed.kernels import BEAM, DISSIPATED, ROD_WORK, WORK
 
-__all__ = ["DissectionMeasures", "DissectionRecorder", "DissectionTear"]
-
 Floats = NDArray[np.float64]
 
 BESIDE_MM = 2.0

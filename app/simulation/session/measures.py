@@ -13,8 +13,6 @@ from app.simulation.inputs.inputs import Structure
 from app.simulation.tissue.planar_tissue import PlanarTissue
 from physics import BreakEvent
 
-__all__ = ["Measures", "PullMetrics", "PullRecorder", "TearMeasures"]
-
 # Force above which a run's time is counted, over the force at break at mid-span.
 TASK_THRESHOLD = 0.5
 Place = tuple[float, float, float]

@@ -58,8 +58,6 @@ from organ_geometry import Organ
 from physics import Cubic, Theory
 from physics.bed import BeamOnBed
 
-__all__ = ["VERTICES", "Session", "free_specimen", "specimen_in_bed"]
-
 VERTICES = 5000
 """Vertices of the skin, about: as many as a browser without a graphics card draws smoothly."""
 MOST_TRIES = 20

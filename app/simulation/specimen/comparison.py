@@ -17,8 +17,6 @@ from app.simulation.specimen.grasped_beam import BeamModel, GraspedBeam
 from organ_geometry.mesh import Skin, Surface
 from physics import Beam, MassSpringChain, NoEquilibrium, RuptureCheck
 
-__all__ = ["SWINGS_PER_SECOND", "Ghost", "GhostReading", "SwingingChain"]
-
 NODES = 21
 SWINGS_PER_SECOND = 2.5
 """Hz, lowest frequency of the straight chain. A real duct swings at tens of Hz, which no screen

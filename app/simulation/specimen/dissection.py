@@ -23,8 +23,6 @@ from physics import Beam, Equilibrium, Linear, RuptureCheck, Theory, VaryingBeam
 from physics.bed import SpaceBeam
 from physics.section import Ring
 
-__all__ = ["PIECES", "Dissection", "default_preset", "fits", "organ_beam"]
-
 SECTIONS_ALONG = 64
 """Stations at which an organ's section properties are taken for a varying beam."""
 # Largest ratio of an organ's thickness to that of a preset's bar. Where the thesis's bar merely

@@ -29,8 +29,6 @@ from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, Skin, Surface, TornPiece, organ_skin
 from physics import Equilibrium, RuptureCheck
 
-__all__ = ["DrawnDuct", "Stresses", "SurfaceStress", "fibre_fractions"]
-
 # Part of the span, behind each clamp, over which the stress at the clamp continues.
 CLAMP_DEPTH = 0.01
 

@@ -19,8 +19,6 @@ from physics import (
     critical_stations,
 )
 
-__all__ = ["BeamModel", "GraspedBeam"]
-
 # Largest force over the force at break at mid-span: off-centre a duct takes more to tear.
 FORCE_RANGE = 1.5
 # s in which the grasper's force can grow from zero to the force at break.

@@ -19,21 +19,6 @@ from app.relaxation_preset import relaxation_named
 from assets import PRESETS
 from physics import Beam, Law, LawName, Theory, calibrated_threshold, law_named
 
-__all__ = [
-    "ASSUMED_PRESET",
-    "LIMITS",
-    "THESIS_PRESET",
-    "OrganBeam",
-    "Preset",
-    "RoundBeam",
-    "Spread",
-    "chosen_preset",
-    "preset_named",
-    "preset_toml",
-    "presets",
-    "read_preset",
-]
-
 THESIS_PRESET = "thesis-bile-duct"
 """The thesis's full round bar; the shipped duct's default."""
 ASSUMED_PRESET = "assumed-duct"

@@ -15,8 +15,6 @@ from physics import Beam, Exact, Linear, Theory
 from physics.bed import BeamOnBed, Bed, Network, Relaxation, SpaceBeam, Strands
 from physics.quantity import positive
 
-__all__ = ["Specimen"]
-
 DUCT = "duct"
 """Name of the tube where there is one."""
 LINEAR_UP_TO = 0.3

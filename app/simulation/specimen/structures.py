@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from app.anatomy import Anatomy
 from app.simulation.specimen.tubes import Tubes
 
-__all__ = ["LOWER_FRACTION", "entering_tubes", "front_strands", "named_structures"]
-
 LOWER_FRACTION = 1.0 / 3.0
 """Of the gallbladder's bed, that a critical view frees."""
 

@@ -15,8 +15,6 @@ from kernel_cache import njit
 from physics import RuptureCheck
 from physics.bed import BeamOnBed, SpaceBeam, Strands, WorstStress
 
-__all__ = ["SurfaceMapping"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -11,8 +11,6 @@ from enum import StrEnum
 from app.simulation.inputs.clock import TICK_SECONDS
 from physics import BreakEvent
 
-__all__ = ["FRONT_SECONDS", "SETTLED_SECONDS", "Phase", "Tear", "tear_front", "tear_swing"]
-
 FRONT_SECONDS = 0.6
 """s in which the front crosses the section: slow enough to see on which side it starts."""
 # s in which the free rims draw back.

@@ -23,8 +23,6 @@ from organ_geometry import DrivingPoints
 from physics import Beam
 from physics.bed import BeamOnBed, Flow, Network, SpaceBeam, Strands
 
-__all__ = ["Tubes", "tube_preset"]
-
 Floats = NDArray[np.float64]
 
 

@@ -9,8 +9,6 @@ import numpy as np
 from physics.bed import BeamOnBed, Bed, Hand, History, Relaxation, SpaceBeam, pull
 from physics.quantity import positive
 
-__all__ = ["pull_and_hold"]
-
 
 def pull_and_hold(
     beam: SpaceBeam,

@@ -27,8 +27,6 @@ from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.spatial_tissue import SpatialTissue
 
-__all__ = ["IN_RING_MM", "RIGHT", "STOPS_AT", "TAUT", "TURNED", "JawSteps", "three", "turn_off"]
-
 Floats = NDArray[np.float64]
 Three = tuple[float, float, float]
 

@@ -19,8 +19,6 @@ from app.simulation.exercises.critical_view import OPENED, SOME, CriticalView, P
 from app.simulation.exercises.next_step import Where
 from app.simulation.tissue.safety import Safety
 
-__all__ = ["PartingPlaces", "Site"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

@@ -24,8 +24,6 @@ from app.simulation.tissue.reading import Reading, Vector
 from organ_geometry.mesh import Skin
 from physics import BreakEvent, Cubic, NoEquilibrium, RuptureCheck, Theory
 
-__all__ = ["PlanarTissue"]
-
 # There is one hand, at one tube.
 HAND = TUBE = 0
 # Part of the span next to each clamp that the clamp's jaws keep from the grasper.

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from physics.bed import BeamOnBed
 
-__all__ = ["REACH", "Side", "jaws_on_wall", "near_place", "pointed_at", "seen_beside"]
-
 Floats = NDArray[np.float64]
 
 REACH = 3.5

@@ -7,8 +7,6 @@ from app.simulation.specimen.tear import Phase
 from physics import BreakEvent, RuptureCheck
 from physics.bed import EnergyBalance
 
-__all__ = ["FluidReading", "NickReading", "Reading", "Vector"]
-
 Vector = tuple[float, float, float]
 """mm or N in the duct's frame: along the clamps, lateral and along the pull, away from a bed."""
 

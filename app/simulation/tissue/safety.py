@@ -27,8 +27,6 @@ from app.simulation.tissue.spatial_tissue import SpatialTissue
 from physics import RuptureCheck
 from physics.bed import BeamOnBed
 
-__all__ = ["Safety"]
-
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 

@@ -5,10 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-__all__ = [
-    "FIELD_OF_VIEW", "STEADY", "STEADY_MM", "TOWARDS_VIEWER", "WORKING_DISTANCE", "in_picture",
-]  # fmt: skip
-
 TOWARDS_VIEWER = np.array([0.0, -0.8, 0.6])
 """(3,) in the duct's frame, towards the camera of the standard view, as long as nobody moves it."""
 STEADY = math.cos(math.radians(5.0))

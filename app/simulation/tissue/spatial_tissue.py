@@ -53,24 +53,6 @@ from physics import DEEPEST, NoEquilibrium, RuptureCheck
 from physics.bed import BeamOnBed, Network, WorstStress, kernels, step_numbers
 from physics.bed.kernels.state import copy_rows
 
-__all__ = [
-    "CLIP_OPENING",
-    "ELEMENTS",
-    "HANDS",
-    "JAW_RADIUS",
-    "MOST_OPENING",
-    "MOST_SUCTION",
-    "SUBSTEPS",
-    "SWAB_RADIUS",
-    "TOWARDS_HAND",
-    "Event",
-    "EventKind",
-    "HandContact",
-    "Mark",
-    "Rod",
-    "SpatialTissue",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 EventKind = Literal["nick", "tear", "bleeding", "leak", "stanched", "clip", "division"]
 """A tear part of the way through a wall, and one that parts the tube; blood or bile that begins to

@@ -18,8 +18,6 @@ from app.simulation.tissue.reading import Reading, Vector
 from app.simulation.tissue.spatial_tissue import SpatialTissue
 from physics import RuptureCheck
 
-__all__ = ["Tissue"]
-
 
 class Tissue(Protocol):
     """A specimen in the state that hands act on."""

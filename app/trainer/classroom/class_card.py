@@ -13,8 +13,6 @@ from app.classroom.results import Standing
 from app.classroom.store import LONGEST_NAME
 from app.trainer.panel.controls import note, on_click, set_if_changed
 
-__all__ = ["Card", "ClassCard"]
-
 STATES = {
     "locked": "not open yet",
     "open": "open",

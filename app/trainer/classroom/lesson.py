@@ -40,8 +40,6 @@ from app.trainer.view.page_view import PageView
 from app.trainer.viser_bridge.page import asked_by_address, open_tab
 from organ_geometry import Organ
 
-__all__ = ["Lesson", "Row", "WatchRequest"]
-
 log = logging.getLogger(__name__)
 
 LOOK_SECONDS = 1.0

@@ -7,8 +7,6 @@ import numpy as np
 
 from app.simulation import Dissection, Session
 
-__all__ = ["Live", "live"]
-
 MOST_POINTS = 40
 """Points of a duct's outline."""
 

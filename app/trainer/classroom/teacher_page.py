@@ -31,8 +31,6 @@ from app.trainer.classroom.lesson import Lesson
 from app.trainer.connections.bounds import PageConnection
 from app.trainer.panel.frame import DISCLAIMER
 
-__all__ = ["TeacherPage"]
-
 LIVE_SECONDS = 0.5
 LONGEST_COMMAND = 50_000
 HTML, SCRIPT, STYLE = "text/html", "text/javascript", "text/css"

@@ -5,8 +5,6 @@ import queue
 import threading
 from collections.abc import Callable, Hashable
 
-__all__ = ["BackgroundWorker"]
-
 log = logging.getLogger(__name__)
 
 

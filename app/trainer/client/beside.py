@@ -5,8 +5,6 @@ from typing import Literal, Protocol, TypeAlias
 
 from app.simulation import Session
 
-__all__ = ["Beside", "Companion", "Role", "StartCompanion"]
-
 Role = Literal["none", "hand", "ghost"]
 
 

@@ -22,8 +22,6 @@ from app.simulation import HANDS, Phase, Session
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
 
-__all__ = ["HapticHand", "setting_of"]
-
 # Deflections, mm, at which the hand takes the duct and below which it leaves it again. They are
 # apart so that a hand resting at the duct does not grab and release it at every tick.
 TAKEN, LEFT = 0.3, 0.05

@@ -41,8 +41,6 @@ from app.trainer.scene.tissue_scene import Colours
 from organ_geometry import Organ
 from physics import Theory
 
-__all__ = ["EXERCISE_GOES_ON", "FORCE_KEY", "HAND_ONLY", "NUDGE", "PageState"]
-
 NUDGE = 0.5
 """mm that a key moves the tip, or opens the jaws by."""
 PAST_BREAK = 1.05

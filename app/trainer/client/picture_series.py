@@ -4,8 +4,6 @@ from dataclasses import dataclass, field
 
 from app.simulation import Exercise, Outcome
 
-__all__ = ["PICTURES", "PictureSeries"]
-
 PICTURES = (12, 14, 4, 41, 32, 22, 5, 20, 10, 3)
 """Seeds of the anatomies that are drawn for them: five open, three half open, two covered. Of the
 open ones two have a short cystic duct, one of them a common duct that is drawn out by traction;

@@ -8,8 +8,6 @@ from app.anatomy import Anatomy, CaseWorkbench, anatomy_named
 from app.simulation import GRIP_N, Preset, Session, Specimen, free_specimen, specimen_in_bed
 from organ_geometry import Organ
 
-__all__ = ["OLDER_NAMES", "SCENES", "Practice", "SceneName", "Start"]
-
 SceneName = Literal["calot", "bed", "free"]
 SCENE_NAMES: tuple[SceneName, ...] = get_args(SceneName)
 OLDER_NAMES: dict[str, SceneName] = {"dissect": "bed", "pull": "free", "anatomy": "calot"}

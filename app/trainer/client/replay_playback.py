@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 
 from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, Incident, Replay, Session
 
-__all__ = ["LivePlayback", "ReplayPlayback"]
-
 SEEK_SECONDS = 0.4 * TICK_SECONDS
 """s of work on a jump in one tick of the clock, which serves the other clients too."""
 # Ticks replayed between two readings of the clock: about a millisecond of work.

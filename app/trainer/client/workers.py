@@ -10,8 +10,6 @@ import viser
 from app.compression.build_process import BuildProcess
 from app.trainer.client.background_worker import BackgroundWorker
 
-__all__ = ["EXPORT_VERTICES", "Workers", "explained"]
-
 PATIENCE = 0.4
 """s of waiting after which the client is told what is being done."""
 EXPORT_VERTICES = 20_000

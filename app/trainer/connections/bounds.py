@@ -25,8 +25,6 @@ from websockets.protocol import Event
 from app.trainer.viser_bridge.fast_transport import received
 from app.trainer.viser_bridge.page_messages import page_message_decoder
 
-__all__ = ["Bounds", "Connections", "PageConnection", "socket_options"]
-
 MIB = 2**20
 # Addresses whose openings are remembered.
 MOST_ADDRESSES = 1000

@@ -20,8 +20,6 @@ from websockets.http11 import Request, Response
 
 from app.trainer.connections.bounds import Connections, PageConnection
 
-__all__ = ["TOKEN_VARIABLE", "Answer", "Guard", "is_loopback"]
-
 Answer = Response | Awaitable[Response] | None
 """What a request gets, now or later; None lets it through to viser."""
 

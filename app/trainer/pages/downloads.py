@@ -15,18 +15,6 @@ from app.trainer.pages.html_player import export_page, page_edge_length, run_pag
 from organ_geometry import Organ
 from organ_geometry.mesh import mesh_content
 
-__all__ = [
-    "PLAYED_SUFFIXES",
-    "RUN_SUFFIXES",
-    "SUFFIXES",
-    "Download",
-    "download",
-    "export_on_screen",
-    "file_name",
-    "organ_content",
-    "run_download",
-]
-
 SUFFIXES = {
     ".glb": "Animated model (glTF)",
     ".stl": "Closed mesh (STL)",

@@ -27,8 +27,6 @@ from app.trainer.viser_bridge.recording import recording_page, write_caption
 from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
 
-__all__ = ["export_page", "page_edge_length", "player_page", "run_page"]
-
 VERTICES = 2400
 """Vertices of a page's skin, about; every one is written at every key."""
 MOST_VERTICES = 12_000

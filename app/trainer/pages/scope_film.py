@@ -18,8 +18,6 @@ from app.trainer.scope.held_scope import HeldScope
 from app.trainer.viser_bridge.page import prepare_page
 from app.trainer.viser_bridge.private_api import start_server, stop_server
 
-__all__ = ["FILM_SUFFIXES", "MOST_PICTURES", "RATE", "filmed", "write_film"]
-
 Dots = NDArray[np.uint8]
 
 FILM_SUFFIXES = (".webm", ".webp")

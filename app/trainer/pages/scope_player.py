@@ -12,8 +12,6 @@ from app.trainer.scope.held_scope import HOME, HeldScope
 from app.trainer.viser_bridge.private_api import start_server, stop_server
 from app.trainer.viser_bridge.recording import recording_page, write_caption
 
-__all__ = ["follow", "scope_page"]
-
 NOTES = (
     "Each tube is a beam, each strand a spring that parts. What tears and bleeds is computed; "
     "where blood runs, fat, liver and duodenum are drawn.",

@@ -28,8 +28,6 @@ from app.trainer.panel.picked_pixel import picked_pixel, picture_html
 from assets import BILE_DUCT_PHANTOM
 from organ_geometry import BuiltOrgan, Organ
 
-__all__ = ["BuildTab"]
-
 _TELLING = (
     "Images across an organ become its surface: its edge is found in each, and only the images are "
     "kept that the others cannot be drawn from to within a threshold."

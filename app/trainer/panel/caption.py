@@ -5,8 +5,6 @@ import math
 from app.anatomy import tube_title
 from app.simulation import HOLDING, Hand, SpatialTissue, near_place
 
-__all__ = ["Caption", "reached_words"]
-
 NEAR_MM = 12.0
 """mm from a wall within which its tube says where a tip is."""
 OPENS_MM, MOVES_MM = 0.1, 0.2

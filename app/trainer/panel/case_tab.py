@@ -12,8 +12,6 @@ from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import note, on_click, on_work, rows_html
 from physics.bed import End
 
-__all__ = ["CaseTab"]
-
 _TELLING = (
     "Tubes that were found in the labels. Choose one: leave it out, or choose what its ends join. "
     "Then save the case, and practise on it."

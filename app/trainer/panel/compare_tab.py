@@ -9,8 +9,6 @@ from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import figure, heading, note, on_work, rows_html, set_if_changed
 from physics import Cubic, Exact, Fem, NeoHooke, TautString, Theory
 
-__all__ = ["OFFERED_THEORIES", "CompareTab"]
-
 OFFERED_THEORIES: dict[str, Theory] = {
     "Cubic beam (Rayleigh)": Cubic(),
     "String (very large deflection)": TautString(),

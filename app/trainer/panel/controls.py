@@ -11,24 +11,6 @@ import viser
 
 from app.trainer.viser_bridge.private_api import page_number
 
-__all__ = [
-    "KPA_PER_MPA",
-    "Choice",
-    "command",
-    "figure",
-    "heading",
-    "note",
-    "number",
-    "on_click",
-    "on_input",
-    "on_work",
-    "paragraphs_html",
-    "rows_html",
-    "set_if_changed",
-    "slider_step",
-    "term",
-]
-
 KPA_PER_MPA = 1000.0
 
 

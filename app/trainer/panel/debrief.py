@@ -25,8 +25,6 @@ from app.trainer.panel.controls import command
 from app.trainer.panel.plots import DISTANCE_COLOUR, HAND_COLOURS, LIMIT_COLOUR
 from app.trainer.viser_bridge.private_api import page_number
 
-__all__ = ["BEFORE", "Debrief", "Done", "next_time", "where"]
-
 BEFORE = 1.0
 """s before an error from which its moment is played."""
 MOST_ERRORS = 12

@@ -8,8 +8,6 @@ import viser
 from app.trainer.panel.controls import on_click
 from app.trainer.viser_bridge.page import closer_html
 
-__all__ = ["dialog"]
-
 
 @contextmanager
 def dialog(

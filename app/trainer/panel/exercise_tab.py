@@ -18,8 +18,6 @@ from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import Choice, note, on_click, on_input, set_if_changed
 from app.trainer.panel.result_page import SHOW, SHOW_ME, Watch, show_result
 
-__all__ = ["ExerciseTab"]
-
 FEEDBACK = {
     "Continuous": Feedback.CONTINUOUS,
     "Fading, gone after 30 s": Feedback.FADING,

@@ -15,8 +15,6 @@ from app.trainer.pages.downloads import (
 )
 from app.trainer.panel.controls import on_click
 
-__all__ = ["add_export"]
-
 
 def add_export(gui: viser.GuiApi, state: PageState) -> None:
     """Add a choice of file, and a button that sends it."""

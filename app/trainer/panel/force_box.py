@@ -10,8 +10,6 @@ from app.trainer.client.page_state import HAND_ONLY, PageState
 from app.trainer.panel.controls import note, number, on_input, set_if_changed, slider_step
 from app.trainer.viser_bridge.page import set_arrow_step
 
-__all__ = ["ForceBox"]
-
 # Change of the force by an arrow key, over the force at break.
 ARROW = 0.01
 CROSSING_SECONDS = 0.5

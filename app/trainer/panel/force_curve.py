@@ -13,8 +13,6 @@ from app.trainer.panel.plots import Curve, axes, dots, goal_area, key_html, line
 from app.validation.thesis_tables import INCH, LBF, TABLES
 from physics import Beam, Cubic, Exact, Theory
 
-__all__ = ["ForceCurve", "ansys_points"]
-
 _SERIES = {
     "theory": line("chosen theory", "#9aa3ad"),
     "pull": line("this pull", "#35c28f", 3.0),

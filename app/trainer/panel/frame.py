@@ -3,8 +3,6 @@
 import viser
 from viser import theme
 
-__all__ = ["DISCLAIMER", "LEARN", "REPLAY", "add_disclaimer", "style_panel"]
-
 DISCLAIMER = "Not clinically validated, not a medical device."
 LEARN, REPLAY, BUILD = "Learn", "Replay", "Build"
 WIDTH = 364

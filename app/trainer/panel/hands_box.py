@@ -9,8 +9,6 @@ from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import Choice, note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.readout import HANDS
 
-__all__ = ["HandsBox"]
-
 OFFERED: dict[Instrument, tuple[str, str]] = {
     "hook": ("Hook", "Takes the duct where you press, and lets go with the mouse"),
     "grasper": ("Grasper", "Takes the duct where you press, and stays where it is left"),

@@ -9,8 +9,6 @@ from app.trainer.panel.controls import on_click, on_input
 from app.trainer.panel.dialog import dialog
 from app.trainer.viser_bridge.page import begin_html, letter_keys_on, set_letter_keys
 
-__all__ = ["SEEN", "Key", "first_minute", "keys_of", "show_first_minute", "show_help"]
-
 Hotkey = Literal[
     "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L", "F", "B", "K", "U", "Y",
     "arrowup", "arrowdown", "arrowleft", "arrowright",

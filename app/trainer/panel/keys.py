@@ -6,8 +6,6 @@ from app.trainer.client.page_state import PageState
 from app.trainer.panel.help import Key
 from app.trainer.viser_bridge.page import offer_home
 
-__all__ = ["add_keys"]
-
 
 def add_keys(
     state: PageState,

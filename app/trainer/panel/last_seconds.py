@@ -20,8 +20,6 @@ from app.trainer.panel.plots import (
 )
 from app.trainer.viser_bridge.fast_transport import set_plot
 
-__all__ = ["LastSeconds"]
-
 SECONDS = 20.0
 """Length of the plot, s."""
 MOST_POINTS = 110

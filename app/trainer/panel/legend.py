@@ -4,8 +4,6 @@ import viser
 
 from app.trainer.panel.controls import set_if_changed
 
-__all__ = ["Legend"]
-
 # Below this width by height of the picture a floating legend would cover the duct.
 NARROW = 0.8
 WIDTH, HEIGHT, GAP = 290, 154, 16

@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from app.simulation import DISTANCE_TO_BREAK, METRICS, Metric, Metrics, Outcome
 from app.trainer.panel.controls import KPA_PER_MPA, figure
 
-__all__ = ["measures_html", "outcome_html"]
-
 _PASSED, _FAILED, _PLAIN = "#35c28f", "#ff6b5e", "#c9ccd1"
 
 

@@ -23,8 +23,6 @@ from app.trainer.panel.controls import (
 from app.trainer.panel.preset_form import PresetForm
 from app.trainer.panel.spread_box import SpreadBox
 
-__all__ = ["SIMPLE_PICTURE", "ModelTab"]
-
 SIMPLE_PICTURE = "Simple picture"
 MOST_SEED = 9999
 NO_BED = "None: a free duct"

@@ -26,8 +26,6 @@ from app.trainer.panel.train_tab import TrainTab
 from app.trainer.stage.heat_map import freed_legend_html, heat_legend_html
 from app.trainer.viser_bridge.page import announce, open_tab, take_arrows
 
-__all__ = ["PagePanel", "offers"]
-
 STEPS = {
     "Left": (-NUDGE, 0.0, 0.0),
     "Right": (NUDGE, 0.0, 0.0),

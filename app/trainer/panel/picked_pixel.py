@@ -8,8 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["picked_pixel", "picture_html"]
-
 
 def picture_html(
     picture: NDArray[np.uint8], description: str, shape: tuple[int, int], index: int | None

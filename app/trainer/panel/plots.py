@@ -9,22 +9,6 @@ from viser import uplot
 
 from app.simulation import HANDS, Exercise, Series, Stay, loading_rates
 
-__all__ = [
-    "AXIS_COLOUR",
-    "DISTANCE_COLOUR",
-    "GRID",
-    "HAND_COLOURS",
-    "LIMIT_COLOUR",
-    "TO_BREAK",
-    "Curve",
-    "add_series_plots",
-    "axes",
-    "dots",
-    "goal_area",
-    "key_html",
-    "line",
-]
-
 AXIS_COLOUR = "#c9ccd1"
 GOAL_COLOUR, GOAL_AREA = "#5cc8ff", "rgba(92,200,255,.25)"
 LIMIT_COLOUR = "#ff6b5e"

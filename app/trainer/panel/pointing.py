@@ -11,8 +11,6 @@ from app.trainer.client.scope_lead import ScopeLead
 from app.trainer.panel.controls import command, set_if_changed
 from app.trainer.viser_bridge.private_api import page_number
 
-__all__ = ["Pointing"]
-
 HINT = "Choose it, then press it in the picture; by keys: the arrows move the cross, G marks (K)"
 UNSAFE = "Too little is seen to tell them apart (U)"
 

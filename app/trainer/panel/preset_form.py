@@ -28,8 +28,6 @@ from app.trainer.panel.controls import (
     set_if_changed,
 )
 
-__all__ = ["PresetForm"]
-
 STRESS, FORCE = "Stress", "Force at mid-span"
 # Decimals of a typed number: a tenth of a micrometre, a ten-thousandth of a kPa.
 DIGITS = 4

@@ -6,8 +6,6 @@ import math
 from app.simulation import Phase, Reading, Session, Spread
 from app.trainer.panel.controls import KPA_PER_MPA, figure, term
 
-__all__ = ["HANDS", "duct_html", "hidden_html", "readout_html", "zone", "zone_while_hidden"]
-
 HANDS = ("Left hand", "Right hand")
 CAREFUL_BELOW = 0.40
 # Distances to break below which the word and the colour change.

@@ -15,8 +15,6 @@ from app.trainer.panel.frame import LEARN
 from app.trainer.panel.result_page import run_name
 from app.trainer.viser_bridge.page import open_tab
 
-__all__ = ["ReplayTab"]
-
 _TELLING = (
     "A run is kept as its inputs and made again from them, to the digit. It starts with the first "
     "input after a reset; <code>bluntdissect replay run.json</code> prints its measures."

@@ -38,8 +38,6 @@ from app.trainer.panel.measures_table import measures_html, outcome_html
 from app.trainer.panel.plots import add_series_plots
 from app.trainer.viser_bridge.page import open_tab
 
-__all__ = ["SHOW", "SHOW_ME", "Watch", "run_name", "run_title", "show_result"]
-
 Watch: TypeAlias = Callable[[RunFile, float, Sequence[Incident] | None], object]
 """Replays a run from a time, s, on; its errors are found meanwhile where they are not given. A
 demonstration is given none."""

@@ -7,8 +7,6 @@ import viser
 from app.trainer.client.practice import SCENES, SceneName
 from app.trainer.panel.controls import Choice
 
-__all__ = ["add_scenes"]
-
 
 def add_scenes(
     gui: viser.GuiApi, scene: SceneName, choose_scene: Callable[[SceneName], None]

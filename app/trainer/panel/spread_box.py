@@ -6,8 +6,6 @@ from app.simulation import LIMITS, Spread
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import number, on_input, set_if_changed
 
-__all__ = ["SpreadBox"]
-
 HINT = "Two thirds of ducts lie within this factor of the preset's figure; 1: all are alike"
 
 

@@ -12,8 +12,6 @@ from app.trainer.panel.last_seconds import LastSeconds
 from app.trainer.scene.tissue_scene import Colours
 from app.trainer.viser_bridge.page import pairs_html
 
-__all__ = ["TrainTab"]
-
 COLOURED: dict[Colours, tuple[str, str]] = {
     "tissue": ("Tissue", "The duct as it looks (H)"),
     "stress": ("Stress", "Tensile stress at the wall, from none to the threshold (H)"),

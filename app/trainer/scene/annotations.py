@@ -9,8 +9,6 @@ from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand, GoalStretch
 from app.trainer.scene.overlay import Overlay
 from app.trainer.stage.appearance import drawn_radius
 
-__all__ = ["Annotations"]
-
 # Distance of the chain before the duct's axis, in radii: the viewer sees it beside the duct.
 CHAIN_ASIDE = 1.9
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from app.trainer.stage.drawn import Drawn, add_mesh
 from organ_geometry.mesh import Skin
 
-__all__ = ["ChainLines", "GhostMesh"]
-
 GHOST_COLOR = (70, 130, 235)
 NODE_COLOR, LINK_COLOR = (236, 120, 220), (190, 100, 200)
 # Radius, mm.

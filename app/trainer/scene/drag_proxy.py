@@ -21,8 +21,6 @@ from app.trainer.stage.strands import differ
 from app.trainer.viser_bridge.fast_transport import stream
 from organ_geometry.mesh import Skin
 
-__all__ = ["DragProxy", "Hold"]
-
 RINGS, SIDES = 25, 8
 SLACK = 1.0
 """mm that the duct moves before its tube is sent again: less than anybody can aim."""

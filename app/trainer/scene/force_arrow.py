@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from app.trainer.stage.drawn import Drawn
 from app.trainer.viser_bridge.fast_transport import place_node, stream
 
-__all__ = ["ForceArrow"]
-
 FORCE_COLOR = (255, 196, 60)
 
 

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 
 from app.trainer.stage.drawn import Drawn, add_mesh
 
-__all__ = ["GOAL_COLOR", "GoalBand", "GoalStretch"]
-
 GOAL_COLOR = (92, 200, 255)
 HALF_LENGTH = 0.3
 """Half the band's length over the span: its ends show beside the hook and a raised duct."""

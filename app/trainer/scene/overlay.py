@@ -8,8 +8,6 @@ from app.trainer.stage.drawn import Drawn
 from organ_geometry import DrivingPoints, Organ
 from organ_geometry.mesh import BoundSkin, Skin, ring_angles
 
-__all__ = ["Overlay"]
-
 KEY_COLOR, DRIVING_COLOR, RING_COLOR = (64, 224, 240), (255, 178, 32), (200, 245, 250)
 SECTION_SIDES = 40
 KEY_POINTS_OF_A_SECTION = 8

@@ -8,8 +8,6 @@ from app.simulation import HANDS, SpatialTissue
 from app.trainer.stage.drawn import Drawn
 from app.trainer.viser_bridge.fast_transport import stream
 
-__all__ = ["PolicyGhost"]
-
 # Sky blue and vermillion of Okabe and Ito, which differ for every kind of colour vision.
 DUCT_COLOR, HAND_COLORS = (86, 180, 233), ((86, 180, 233), (213, 94, 0))
 BAR_MM, BAR_WIDTH, LINE_WIDTH = 45.0, 1.2, 0.5  # mm

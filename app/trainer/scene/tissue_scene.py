@@ -31,8 +31,6 @@ from organ_geometry import Organ
 from organ_geometry.mesh import Surface
 from physics.bed import Strands
 
-__all__ = ["Colours", "DrawnSurface", "TissueScene"]
-
 Colours = Literal["tissue", "stress", "freed"]
 """How a duct is coloured: as tissue, by the stress in its wall, or by what is freed of it."""
 

@@ -4,8 +4,6 @@ import threading
 import time
 from collections.abc import Callable
 
-__all__ = ["FixedRateTimer"]
-
 
 class FixedRateTimer:
     """Ticks due every `period` s from the first `wait` on; `clock` gives the time, s.

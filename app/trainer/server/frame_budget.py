@@ -1,7 +1,5 @@
 """How often each client's duct is drawn: at every tick, or less often under high load."""
 
-__all__ = ["FrameBudget"]
-
 MAX_INTERVAL = 4
 """Most ticks between two frames of a duct: 7.5 frames per second."""
 HIGH_LOAD, LOW_LOAD = 0.95, 0.9

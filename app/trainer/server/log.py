@@ -8,8 +8,6 @@ from typing import Literal
 
 from app.trainer.connections.bounds import Bucket
 
-__all__ = ["LogFormat", "set_up_log"]
-
 LogFormat = Literal["text", "json"]
 # Records at once and in the long run; how many more there were is said with the next.
 MOST_AT_ONCE, PER_SECOND = 100.0, 1.0

@@ -7,8 +7,6 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, ProcessCollecto
 from app.trainer.connections.bounds import Connections
 from app.trainer.server.fixed_rate_timer import FixedRateTimer
 
-__all__ = ["trainer_metrics"]
-
 
 def trainer_metrics(
     pages: Callable[[], int], timer: FixedRateTimer, connections: Connections

@@ -8,8 +8,6 @@ from threading import RLock
 from app.trainer.client.practice import Practice
 from app.trainer.connections.bounds import MOST_CLIENTS
 
-__all__ = ["Sessions", "SessionsFullError"]
-
 # s that a session waits for its page to come back.
 KEPT_SECONDS = 600.0
 TOKEN_BYTES = 16

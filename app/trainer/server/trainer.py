@@ -60,8 +60,6 @@ from app.trainer.viser_bridge.private_api import (
 )
 from organ_geometry import Organ
 
-__all__ = ["AddressTakenError", "Trainer"]
-
 # s, longest time that a session advances at once: a stall slows a pull, but skips nothing.
 LONGEST_TICK = 0.1
 

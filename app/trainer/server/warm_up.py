@@ -36,8 +36,6 @@ from app.trainer.viser_bridge.private_api import read_icons
 from organ_geometry import Organ
 from physics import Cubic, break_of
 
-__all__ = ["ICONS", "WarmUp", "warm_bed", "warm_session"]
-
 # mm by which a duct is lifted that is to tear.
 MOST_LIFT = 40.0
 

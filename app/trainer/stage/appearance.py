@@ -8,8 +8,6 @@ from typing import Literal
 
 from app.simulation import Dissection, Preset, RoundBeam
 
-__all__ = ["Appearance", "Color", "appearance_of", "drawn_lumen", "drawn_radius"]
-
 Kind = Literal["bile duct", "gallbladder", "ureter", "rubber"]
 
 Surroundings = Literal["liver", "fat", "bench"]

@@ -11,8 +11,6 @@ from app.trainer.stage.solids import Piece, Solid, grid_faces, solids_glb
 from app.trainer.stage.textures import jpeg_file, mixed_color, smooth_noise
 from organ_geometry.mesh import Finish, vertex_normals
 
-__all__ = ["bench_glb"]
-
 _HALF_WIDTH, _NEAR, _FAR = 150.0, -220.0, 150.0
 _MAT, _LINE = (38, 74, 72), (96, 138, 130)
 _CENTIMETRE = 256  # pixels of the picture, which repeats

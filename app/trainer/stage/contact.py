@@ -21,8 +21,6 @@ from kernel_cache import njit
 from organ_geometry.mesh import Skin
 from physics.bed import kernels
 
-__all__ = ["BITE", "Contact", "HookPlace"]
-
 BITE = 0.62
 """Height of a duct's section between the jaws over that at rest."""
 # Relative growth of the section's width there.

@@ -6,8 +6,6 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-__all__ = ["Drawn", "add_mesh", "add_model"]
-
 # viser's shadow camera is made for metres: in mm its bias darkens what it lights.
 _UNSHADED: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False}
 

@@ -9,8 +9,6 @@ import numpy as np
 from app.trainer.stage.tone import color_table
 from organ_geometry.mesh import COLOR_MAP
 
-__all__ = ["freed_legend_html", "heat_legend_html"]
-
 KPA_PER_MPA = 1000.0
 _STOPS = 24
 _BREAK = "#ff6b5e"

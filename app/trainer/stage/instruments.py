@@ -29,8 +29,6 @@ from app.trainer.viser_bridge.fast_transport import place_node
 from app.trainer.viser_bridge.page import run_function
 from organ_geometry.mesh import Finish
 
-__all__ = ["DrawnInstrument"]
-
 SHAFT_RADIUS = 2.25
 SHAFT_LENGTH = 320.0
 GRASPER_LEAN, DISSECTOR_LEAN = np.array([0.50, 0.22, 0.84]), np.array([0.72, -0.58, 0.38])

@@ -12,8 +12,6 @@ from app.trainer.stage.tissue import Tissue, TornEnd
 from app.trainer.viser_bridge.fast_transport import stream
 from organ_geometry.mesh import INSIDE, OUTER_WALL, Color
 
-__all__ = ["PlainTissue"]
-
 
 class PlainTissue:
     """One surface of the duct on a client's scene: nodes `name`, `name`_inside and `name`_stress.

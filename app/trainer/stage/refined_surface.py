@@ -23,8 +23,6 @@ from app.trainer.viser_bridge.fast_transport import stream
 from app.trainer.viser_bridge.page import float32_text, run_function, run_module
 from organ_geometry.mesh import Finish
 
-__all__ = ["Patch", "RefinedSurface", "keep_finish", "light_surfaces"]
-
 SCRIPT = Path(__file__).with_suffix(".js")
 FAR = 100.0
 """Value of `behind` without a torn rim, radii."""

@@ -10,8 +10,6 @@ from app.trainer.stage.solids import Piece, Solid, grid_faces, solids_glb
 from app.trainer.stage.tissue_bed import bed_height
 from organ_geometry.mesh import Finish, vertex_normals
 
-__all__ = ["spill_glb"]
-
 _RINGS, _CORNERS = 16, 56
 _DROPS = 9
 _FILM = 0.08  # mm, how thick it is where it only wets the bed

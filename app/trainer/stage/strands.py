@@ -19,16 +19,6 @@ from app.trainer.viser_bridge.page import float32_text, run_function, run_module
 from kernel_cache import SameTypes, njit
 from physics.bed import BeamOnBed, kernels
 
-__all__ = [
-    "NUMBERS",
-    "PARTED",
-    "DrawnStrands",
-    "StrandsInBed",
-    "differ",
-    "film_pairs",
-    "write_strands",
-]
-
 NODE = "/bed/strands"
 SCRIPT = Path(__file__).with_suffix(".js")
 PARTED = -9.0

@@ -28,8 +28,6 @@ from app.trainer.stage.refined_surface import (
 from app.trainer.stage.wall_texture import PERIOD, mean_color, wall_texture
 from organ_geometry.mesh import INSIDE, Finish, Skin, linear_light
 
-__all__ = ["Tissue", "TornEnd", "cut_end", "send_finish"]
-
 TornEnd = Literal["first", "last"]
 """The torn end of a piece, along the organ's axis."""
 TORN_ENDS: dict[str, TornEnd] = {"first_piece": "last", "second_piece": "first"}

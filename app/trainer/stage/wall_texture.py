@@ -24,8 +24,6 @@ from app.trainer.stage.textures import (
     smooth_step,
 )
 
-__all__ = ["PERIOD", "WallTexture", "mean_color", "wall_texture"]
-
 PERIOD = 12.0
 """Length of the axis that the pictures cover before they repeat, in radii."""
 _COLUMNS, _ROWS = 2048, 1024

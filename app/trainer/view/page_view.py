@@ -37,8 +37,6 @@ from app.trainer.stage.lighting import Look, LookChoice
 from app.trainer.viser_bridge.page import open_tab, watch_pace
 from organ_geometry import Organ
 
-__all__ = ["PageView", "Scene"]
-
 # s, shortest time between updates of the panel: faster changes of a figure cannot be read.
 PANEL_SECONDS = 0.2
 LEAST_PICTURES = 5.0

@@ -8,8 +8,6 @@ import msgspec
 
 from app.trainer.viser_bridge.private_api import PAGE_MESSAGES
 
-__all__ = ["page_message_decoder"]
-
 
 def page_message_decoder() -> msgspec.msgpack.Decoder[Any]:
     """Return a decoder of what a page may send; any other kind, field or type raises."""
