@@ -58,7 +58,7 @@ class Page:
 
     def __init__(self, connection: websockets.asyncio.client.ClientConnection) -> None:
         self._connection = connection
-        self._slider = self._reset = ""
+        self._slider = ""
         self._owner: str | None = None  # of the mesh by which the duct is dragged
         self._held = False
         self._unpack = zstandard.ZstdDecompressor()
@@ -69,8 +69,8 @@ class Page:
         Its address asks for a `mode`, if one is given; in a class it joins with a `name`.
         """
         await self._send(CAMERA)
-        field = join = ""
-        while not (self._slider and self._reset and (name is None or (field and join))):
+        field = join = reset = ""
+        while not (self._slider and reset and (name is None or (field and join))):
             for message in await self.messages():
                 kind = message["type"]
                 label = message.get("props", {}).get("label")
@@ -81,7 +81,7 @@ class Page:
                 if message.get("name") == "/organ/grip" and "owner" in message:
                     self._owner = message["owner"]
                 if kind == "GuiButtonMessage" and message["props"]["label"].startswith("Reset"):
-                    self._reset = message["uuid"]
+                    reset = message["uuid"]
                 if kind == "LocalStorageGetItemRequestMessage":  # a browser that keeps nothing
                     answer = {
                         "type": "LocalStorageGetItemResponseMessage",
@@ -123,10 +123,6 @@ class Page:
             await self._send(message)
         self._held = True
 
-    async def reset(self) -> None:
-        """Press the reset button."""
-        await self._update(self._reset, True)
-
     async def messages(self) -> list[dict[str, Any]]:
         """Return the messages of the next websocket frame, without their arrays."""
         raw = await self._connection.recv()
@@ -150,8 +146,6 @@ class Page:
         await self._connection.send(msgspec.msgpack.encode(message))
 
 
-def hand_forces(high: float = 3.2, low: float = 0.0, moves: int = 5) -> Iterator[float]:
-    """Return successive slider forces that keep the duct moving."""
-    up = [high - 0.01 * (move % 2) for move in range(moves)]
-    down = [low + 0.01 * (move % 2) for move in range(moves)]
-    return itertools.cycle([*up, *down])
+def hand_forces() -> Iterator[float]:
+    """Return successive slider forces, N, that keep the duct moving."""
+    return itertools.cycle([3.2, 3.19, 3.2, 3.19, 3.2, 0.0, 0.01, 0.0, 0.01, 0.0])

@@ -11,8 +11,6 @@ from benchmarks import mujoco_chain, opensees_beam
 from benchmarks.duct import CENTRE, DUCT, FORCE, STEP, relative_error, walk_about
 from benchmarks.engine import Engine
 from benchmarks.page_protocol import hand_forces
-from benchmarks.served_trainer import Takings
-from benchmarks.trainer_soak import slopes
 from physics import Exact
 
 
@@ -76,22 +74,3 @@ def test_hand_never_lets_the_duct_rest_nor_tears_it() -> None:
         for _ in range(3):  # ticks from move to move
             assert session.advance()
             assert session.reading().phase == "intact"
-
-
-def test_slopes_are_those_of_straight_lines() -> None:
-    samples = [
-        Takings(
-            ticks=0, missed=0, frames={}, processor_s=0.0, resident_bytes=1000 + 30 * index,
-            blocks=500 - index, traced_bytes=7, log_inputs=600 * index,
-        )
-        for index in range(10)
-    ]  # fmt: skip
-    assert slopes(samples, 30.0) == pytest.approx(
-        {
-            "resident_bytes_a_minute": 60.0,
-            "blocks_a_minute": -2.0,
-            "traced_bytes_a_minute": 0.0,
-            "log_inputs_a_minute": 1200.0,
-        },
-        abs=1e-9,
-    )
