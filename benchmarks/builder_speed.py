@@ -33,15 +33,15 @@ class BuilderRates:
     note: str = ""  # Why there is no peer
 
 
-def builder_rates(slices: int = SLICES, runs: int = RUNS) -> BuilderRates:
+def builder_rates() -> BuilderRates:
     """Time the organ builder and marching cubes with decimation on one stack, by turns."""
     # Of so many runs of each, the fastest counts: other work on the machine only adds time.
     times: dict[str, list[float]] = {"ours": [], "edges": [], "peer": []}
     note = ""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "tube"
-        draw_tube_images(folder, slices)
-        for _ in range(runs):
+        draw_tube_images(folder, SLICES)
+        for _ in range(RUNS):
             start = time.perf_counter()
             build_organ(read_image_stack(folder))
             times["ours"].append(time.perf_counter() - start)
@@ -57,7 +57,7 @@ def builder_rates(slices: int = SLICES, runs: int = RUNS) -> BuilderRates:
                 note = f"{missing.name} is not installed: pip install .[bench]"
                 continue
             times["peer"].append(time.perf_counter() - start)
-    fastest = {key: slices / min(values) for key, values in times.items() if values}
+    fastest = {key: SLICES / min(values) for key, values in times.items() if values}
     return BuilderRates(fastest["ours"], fastest["edges"], fastest.get("peer"), note)
 
 
@@ -79,18 +79,18 @@ def cubes_of_images(folder: Path) -> int:
     return len(few)
 
 
-def builder_memory(slices: int = MANY_SLICES, distinct: int = SMOOTH) -> dict[str, float]:
+def builder_memory() -> dict[str, float]:
     """Return the peak memory of a long stack's build, in a process of its own."""
     with tempfile.TemporaryDirectory() as place:
         few, many = Path(place) / "few", Path(place) / "many"
         draw_tube_images(few, WARM_SLICES)
-        draw_tube_images(many, slices, distinct)
+        draw_tube_images(many, MANY_SLICES, SMOOTH)
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
             growth, seconds = pool.submit(_growth, few, many).result()
     return {
-        "slices": slices,
+        "slices": MANY_SLICES,
         "growth_mib": growth / MEBIBYTE,
-        "volume_mib": slices * SIDE * SIDE / MEBIBYTE,
+        "volume_mib": MANY_SLICES * SIDE * SIDE / MEBIBYTE,
         "seconds": seconds,
     }
 

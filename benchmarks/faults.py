@@ -363,12 +363,12 @@ def too_high(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     yield from wait(0.5)
 
 
-def held_and(act: Make, height: float = 3.0) -> Make:
+def held_and(act: Make) -> Make:
     """Hold the duct up as one should, and then do something."""
 
     def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         hands.grab(0, middle(exercise))
-        yield from lift(hands, np.array([0.0, 0.0, height]), 5.0)
+        yield from lift(hands, np.array([0.0, 0.0, 3.0]), 5.0)
         yield from act(hands, exercise, speed)
 
     return make

@@ -123,13 +123,13 @@ def stored(organ: Organ) -> tuple[int, Organ]:
         return path.stat().st_size, read_organ(path)
 
 
-def file_times(organ: Organ, vertices: int, runs: int = 9) -> dict[str, float]:
+def file_times(organ: Organ, vertices: int) -> dict[str, float]:
     """Return the times to write and read an organ's file, the fastest of some runs."""
     stations = max(2, round(math.sqrt(2.0 * vertices)))
     angles = max(8, round(vertices / stations))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.organ"
-        write = 1e-3 * microseconds(lambda: write_organ(organ, path), 1, runs)
-        read = 1e-3 * microseconds(lambda: read_organ(path), 1, runs)
-        whole = 1e-3 * microseconds(lambda: organ_mesh(read_organ(path), stations, angles), 1, runs)
+        write = 1e-3 * microseconds(lambda: write_organ(organ, path), 1)
+        read = 1e-3 * microseconds(lambda: read_organ(path), 1)
+        whole = 1e-3 * microseconds(lambda: organ_mesh(read_organ(path), stations, angles), 1)
     return {"write_ms": write, "read_ms": read, "read_and_mesh_ms": whole}

@@ -229,11 +229,11 @@ class Organ:
             self.axis_at(stations) + frames[:, :, 0] * local[:, :1] + frames[:, :, 1] * local[:, 1:]
         )
 
-    def key_points(self, count: int = 32, wall: Wall = "outer") -> NDArray[np.float64]:
-        """Return (K*count, 3) surface points of the key sections at equal angles, mm."""
+    def key_points(self, count: int = 32) -> NDArray[np.float64]:
+        """Return (K*count, 3) points of the outer surface at the key sections, mm."""
         angles = 2.0 * np.pi * np.arange(count) / count
         stations = self.key_stations
-        return self.surface(np.repeat(stations, count), np.tile(angles, len(stations)), wall)
+        return self.surface(np.repeat(stations, count), np.tile(angles, len(stations)))
 
     def section_properties(
         self, stations: NDArray[np.float64], direction: NDArray[np.float64] | None = None

@@ -9,7 +9,6 @@ import sys
 import sysconfig
 import venv
 import zipfile
-from collections.abc import Callable
 from email.parser import Parser
 from pathlib import Path
 from urllib.request import urlopen
@@ -18,9 +17,6 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("app", "assets", "kernel_cache", "organ_geometry", "physics")
-
-Program = Callable[..., str]
-"""Runs the installed program to its end in an empty folder and returns what it printed."""
 
 
 def succeed(*words: object, **options: object) -> str:

@@ -17,7 +17,6 @@ from app.simulation import (
     MANNERS,
     Incident,
     Metrics,
-    Preset,
     Session,
     Specimen,
     free_specimen,
@@ -50,18 +49,16 @@ class _Trembling(Session):
         super().move_hand(hand, np.asarray(place) + self.off[hand])
 
 
-def scripted_try(
-    level: Level, organ: Organ, preset: Preset | None, *, row: int, seed: int, pace: float
-) -> Session:
+def scripted_try(level: Level, organ: Organ, *, row: int, seed: int, pace: float) -> Session:
     """Return a session in which good hands that tremble did a level, `pace` times as fast."""
-    exercise = level.try_on(organ, preset, row=row, seed=seed).exercise
+    exercise = level.try_on(organ, None, row=row, seed=seed).exercise
     opening = exercise.opening
     if opening is None:
-        specimen = free_specimen(organ, preset)
+        specimen = free_specimen(organ)
     elif opening.anatomy is not None:
         specimen = Specimen.of_anatomy(anatomy_named(opening.anatomy))
     else:
-        specimen = specimen_in_bed(organ, preset, bed_seed=opening.bed_seed)
+        specimen = specimen_in_bed(organ, bed_seed=opening.bed_seed)
     session = _Trembling(specimen, vertices=FEW)
     session.noise, session.off = np.random.default_rng(seed), np.zeros((2, 3))
     session.start_exercise(exercise)
@@ -73,7 +70,7 @@ def scripted_try(
 
 
 def scripted_benchmarks(
-    course: Course, organ: Organ, preset: Preset | None = None
+    course: Course, organ: Organ
 ) -> tuple[list[Benchmark], dict[str, tuple[int, int]]]:
     """Return benchmarks by scripted hands, and how many runs of each level passed, of how many."""
     # A run of each seed, the beds and paces in turn; those that failed do not count.
@@ -84,9 +81,7 @@ def scripted_benchmarks(
             continue
         runs: list[tuple[Metrics, list[Incident]]] = []
         for number, seed in enumerate(level.seeds):
-            session = scripted_try(
-                level, organ, preset, row=number, seed=seed, pace=PACES[number // 3 % 3]
-            )
+            session = scripted_try(level, organ, row=number, seed=seed, pace=PACES[number // 3 % 3])
             outcome = session.run.outcome
             if outcome is not None and outcome.passed:
                 runs.append((session.metrics(), session.run.incidents()))

@@ -28,6 +28,8 @@ CLOSED_SECONDS = 0.4
 SAME_CAUSE, IDLE_DAYS, MANY_TIMES = 3, 7, 2.0
 """Tries in a row that fail for one cause, days without a run, and tries over the class's median,
 from which on somebody is said to need help."""
+GOOD, BAD, WRONG = 0.05, 0.2, 0.05
+"""Shares of tries that a good and a bad hand fail, and of decisions that are wrong."""
 LEAST_TRIES = 6
 """Tries without which no learning curve is fitted."""
 TITLES = {each.key: (each.title, each.unit, each.factor) for each in METRICS}
@@ -216,21 +218,11 @@ def next_level(found: Sequence[LevelStanding], wanted: str | None = None) -> Lev
     return None
 
 
-def sequential_test(
-    passed: Iterable[bool], good: float = 0.05, bad: float = 0.2, error: float = 0.05
-) -> Literal["good", "bad", "open"]:
-    """Return whether somebody fails `good` of the tries or `bad`, as soon as that is decided.
+def sequential_test(passed: Iterable[bool]) -> Literal["good", "bad", "open"]:
+    """Return whether somebody fails `GOOD` of the tries or `BAD`, as soon as that is decided.
 
-    Wald's sequential probability ratio test (Wald 1945, Ann Math Stat 16:117).
-
-    Parameters
-    ----------
-    passed
-        The tries, in their order.
-    good, bad
-        Shares of tries that fail.
-    error
-        Of either decision.
+    Wald's sequential probability ratio test (Wald 1945, Ann Math Stat 16:117) of the tries in their
+    order.
 
     Returns
     -------
@@ -241,9 +233,9 @@ def sequential_test(
     >>> sequential_test([False, False, True, False])
     'bad'
     """
-    bound, total = log((1.0 - error) / error), 0.0
+    bound, total = log((1.0 - WRONG) / WRONG), 0.0
     for each in passed:
-        total += log((1.0 - bad) / (1.0 - good)) if each else log(bad / good)
+        total += log((1.0 - BAD) / (1.0 - GOOD)) if each else log(BAD / GOOD)
         if abs(total) >= bound:
             return "bad" if total > 0.0 else "good"
     return "open"

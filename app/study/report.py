@@ -34,6 +34,8 @@ Row = NDArray[np.float64]
 Z = 1.959964
 """Of the normal distribution, for 95 %."""
 FRACTIONS = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+MOST_POINTS = 200
+"""Points of a curve that is drawn."""
 MOST_CELLS = 8
 """Cells of a grid that are drawn; the JSON has all."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999")
@@ -59,12 +61,12 @@ class TearCurve:
     `count` ducts were solved, those that do not break among them; `broke` of them do.
     """
 
-    def __init__(self, breaks: Row, points: int = 200) -> None:
+    def __init__(self, breaks: Row) -> None:
         found = np.sort(breaks[np.isfinite(breaks)])
         self.count = breaks.size
         self.broke = found.size
         self._sorted = found
-        at = np.unique(np.linspace(0, max(found.size - 1, 0), points).astype(np.int64))
+        at = np.unique(np.linspace(0, max(found.size - 1, 0), MOST_POINTS).astype(np.int64))
         self.loads: Row = found[at] if found.size else np.empty(0)
         torn = np.searchsorted(found, self.loads, side="right")
         self.probability: Row = torn / max(self.count, 1)

@@ -75,9 +75,9 @@ class Prediction(msgspec.Struct, frozen=True):
     lost: float  # share of draws that do not bear the load, of which nothing is predicted
 
 
-def _tube(x: Draw, *, span: float = 1.0) -> Beam:
+def _tube(x: Draw) -> Beam:
     return Beam.round(
-        span=x.get("length", span),
+        span=x.get("length", 1.0),
         diameter=x["diameter"],
         wall=x["wall"],
         modulus=x["modulus"],

@@ -149,11 +149,6 @@ class Readings:
         return self._rest.x
 
     @property
-    def rest_rotations(self) -> Floats:
-        """(N, 4) the nodes' rotations at rest; not to be written to."""
-        return self._rest.q
-
-    @property
     def order(self) -> NDArray[np.intp]:
         """(S,) numbers in `strands` of the strands as they are stored in `state`."""
         return self._rest.order

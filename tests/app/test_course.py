@@ -357,9 +357,7 @@ def test_the_shipped_benchmarks_are_what_scripted_hands_do() -> None:
     assert benchmark is not None
     numbers: list[int] = []
     for number, seed in list(enumerate(level.seeds))[8:15:3]:  # one of each pace
-        session = scripted_try(
-            level, phantom(), None, row=number, seed=seed, pace=PACES[number // 3 % 3]
-        )
+        session = scripted_try(level, phantom(), row=number, seed=seed, pace=PACES[number // 3 % 3])
         assert session.run.outcome is not None
         assert session.run.outcome.passed, session.run.outcome.reason
         numbers.append(len(session.run.incidents()))
@@ -367,7 +365,7 @@ def test_the_shipped_benchmarks_are_what_scripted_hands_do() -> None:
     assert benchmark.n == 17
     level, blood = course.level_of("bleeding"), course.benchmark_of("bleeding", "blood_lost_ml")
     assert blood is not None
-    session = scripted_try(level, phantom(), None, row=3, seed=level.seeds[3], pace=PACES[1])
+    session = scripted_try(level, phantom(), row=3, seed=level.seeds[3], pace=PACES[1])
     assert session.run.outcome is not None
     assert session.run.outcome.passed, session.run.outcome.reason
     assert session.metrics()["blood_lost_ml"] <= blood.value

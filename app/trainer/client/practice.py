@@ -2,14 +2,13 @@
 
 from collections.abc import Callable
 from threading import Lock
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 from app.anatomy import Anatomy, CaseWorkbench, anatomy_named
 from app.simulation import GRIP_N, Preset, Session, Specimen, free_specimen, specimen_in_bed
 from organ_geometry import Organ
 
 SceneName = Literal["calot", "bed", "free"]
-SCENE_NAMES: tuple[SceneName, ...] = get_args(SceneName)
 OLDER_NAMES: dict[str, SceneName] = {"dissect": "bed", "pull": "free", "anatomy": "calot"}
 """What scenes are called in files of exercises and classes."""
 

@@ -43,9 +43,7 @@ NO_BROWSER = (
 
 
 @contextmanager
-def filmed(
-    replay: Replay, held: HeldScope, size: tuple[int, int], *, plain: bool = False
-) -> Generator[Callable[[], Dots]]:
+def filmed(replay: Replay, held: HeldScope, size: tuple[int, int]) -> Generator[Callable[[], Dots]]:
     """Give a function that takes a picture, (H, W, 3) blue, green and red, of a replay as it is.
 
     Parameters
@@ -54,8 +52,6 @@ def filmed(
         What is seen, and the scope through which.
     size
         Width and height, dots.
-    plain
-        Whether the picture is the plain one.
 
     Raises
     ------
@@ -93,7 +89,7 @@ def filmed(
             while not pages:
                 page.wait_for_timeout(50)
             tissue = replay.session.spatial
-            picture = picture_of(pages[0].scene, held.made, tissue, held.scope, plain=plain)
+            picture = picture_of(pages[0].scene, held.made, tissue, held.scope)
             draw_tissue(picture, tissue, held.pose)
             page.wait_for_function(
                 "() => window.bluntdissectScope?.picture?.state?.frames > 0"
