@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.command_line.answer import AsJson, answer
+from app.command_line.load import anatomy_from
 
 if TYPE_CHECKING:
     from app.anatomy import Anatomy, TubeLine
@@ -114,11 +115,10 @@ def anatomy(
     from app.anatomy import anatomy_toml, drawn_anatomy, read_anatomy, shipped_anatomies, tube_lines
     from organ_geometry import check_target, write_atomic
 
-    known = shipped_anatomies()
     if shipped:
         if output is not None or figure is not None:
             raise ValueError("--list writes no file; give an anatomy's name for one")
-        found = [read_anatomy(path) for path in known.values()]
+        found = [read_anatomy(path) for path in shipped_anatomies().values()]
         answer(
             [{"name": each.name, "title": each.title, "tubes": len(each.tube)} for each in found],
             [(each.name, each.title) for each in found],
@@ -132,7 +132,7 @@ def anatomy(
         made = drawn_anatomy(seed)
     else:
         assert source is not None  # noqa: S101
-        made = read_anatomy(known.get(source, Path(source)))
+        made = anatomy_from(source)
     lines = tube_lines(made)
     if figure is not None:
         from app.anatomy.figure import anatomy_figure, figure_kind

@@ -8,15 +8,18 @@ import threading
 from collections.abc import Callable, Generator
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from app.command_line.answer import AsJson, answer, print_lines
-from app.command_line.load import PRESET_NAMES, chosen_theory, organ_from, with_law
-
-if TYPE_CHECKING:
-    from app.anatomy import Anatomy
+from app.command_line.load import (
+    PRESET_NAMES,
+    anatomy_from,
+    chosen_theory,
+    organ_from,
+    with_law,
+)
 
 ADDRESS = "ws://127.0.0.1:10001"
 
@@ -152,7 +155,7 @@ def haptics(
     if anatomy is None and tube is not None:
         raise ValueError("--tube is of an anatomy: give --anatomy")
     specimen = (
-        Specimen.of_anatomy(_anatomy(anatomy))
+        Specimen.of_anatomy(anatomy_from(anatomy))
         if anatomy is not None
         else Specimen.of_sections(
             with_law(chosen_preset(preset), law),
@@ -249,13 +252,6 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
         "bytes": len(content),
     }
     answer(facts, facts.items(), as_json=as_json)
-
-
-def _anatomy(name: str) -> "Anatomy":
-    """Return a shipped anatomy or that of a file."""
-    from app.anatomy import anatomy_named, read_anatomy, shipped_anatomies
-
-    return anatomy_named(name) if name in shipped_anatomies() else read_anatomy(Path(name))
 
 
 @contextlib.contextmanager

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 import typer
 
 if TYPE_CHECKING:
+    from app.anatomy import Anatomy
     from app.simulation import Preset, Specimen
     from organ_geometry import Organ
     from physics import LawName, Theory
@@ -61,6 +62,13 @@ def shipped_organ() -> "Organ":
     from organ_geometry import read_organ
 
     return read_organ(BILE_DUCT)
+
+
+def anatomy_from(source: str) -> "Anatomy":
+    """Return an anatomy by a shipped one's name, or that of a file."""
+    from app.anatomy import read_anatomy, shipped_anatomies
+
+    return read_anatomy(shipped_anatomies().get(source, Path(source)))
 
 
 def duct_of(preset: str | None, organ: Path | None) -> "Preset":

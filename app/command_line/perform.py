@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.command_line.answer import AsJson, answer
+from app.command_line.load import anatomy_from
 
 if TYPE_CHECKING:
     from app.simulation import CriticalView, Event
@@ -33,19 +34,14 @@ def perform(
     """
     import msgspec
 
-    from app.anatomy import anatomy_named, drawn_anatomy, read_anatomy, shipped_anatomies
+    from app.anatomy import drawn_anatomy
     from app.simulation import FEW, Session, Specimen, performed, read_script, run_json
     from organ_geometry import check_target, write_atomic
 
     if output is not None:
         check_target(output)
     found = read_script(script)
-    if seed is not None:
-        made = drawn_anatomy(seed)
-    elif anatomy in shipped_anatomies():
-        made = anatomy_named(anatomy)
-    else:
-        made = read_anatomy(Path(anatomy))
+    made = anatomy_from(anatomy) if seed is None else drawn_anatomy(seed)
     session = Session(Specimen.of_anatomy(made, relaxation=relax), vertices=FEW)
     try:
         done = performed(found, session)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.command_line.image_options import chosen
+from app.command_line.load import anatomy_from
 from app.command_line.serving import draw_link, serve, serving
 from app.command_line.shared_options import options_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from app.anatomy import Anatomy
     from app.haptics.servo_process import HapticSetting, ServoProcess
     from app.simulation import RunFile
     from app.trainer.client.beside import StartCompanion
@@ -104,7 +104,7 @@ def trainer(
         devices.append((second_haptics, second_haptics_address or haptics_address))
     servo = None if haptics is None else _servo(devices, haptics_hand)
     beside = None if policy is None else _beside(policy)
-    own = None if anatomy is None else _own_anatomy(anatomy)
+    own = None if anatomy is None else anatomy_from(anatomy)
     scene = "calot" if own is not None else scene
     run = None if replay is None else _replayed(replay, served.organ)
     if run is not None:
@@ -144,13 +144,6 @@ def _given_token(file: Path | None) -> str | None:
     if file is None:
         return os.environ.get(TOKEN_VARIABLE) or None
     return file.read_text(encoding="utf-8", errors="replace").strip()
-
-
-def _own_anatomy(source: str) -> "Anatomy":
-    """Return an anatomy by its name or file."""
-    from app.anatomy import read_anatomy, shipped_anatomies
-
-    return read_anatomy(shipped_anatomies().get(source, Path(source)))
 
 
 def _beside(file: Path) -> "StartCompanion":
