@@ -318,7 +318,3 @@ def measure_bed(console: Console) -> dict[str, Any]:
             highlight=False,
         )
     return figures
-
-
-if __name__ == "__main__":
-    measure_bed(Console())

@@ -1,11 +1,6 @@
-"""The fewest bytes of a mesh of an organ's images, decimated and compressed by Draco.
+"""The fewest bytes of a mesh of an organ's images, decimated and compressed by Draco."""
 
-``python -m benchmarks.draco_peer bile_duct_parallel`` prints the best settings found.
-"""
-
-import argparse
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -13,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from benchmarks.organ_sets import SETS, OrganSet, missing_sets
+from benchmarks.organ_sets import OrganSet
 from benchmarks.peer_meshes import Mesh, contour_loft, cubes_mesh
 from benchmarks.stopwatch import microseconds
 
@@ -243,26 +238,3 @@ def least_count(
         else:
             low = middle
     return high
-
-
-def main() -> None:
-    """Search and print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.draco_peer", description=__doc__)
-    parser.add_argument("set", choices=SETS)
-    parser.add_argument("--percent", type=float, nargs="+", default=[1.0, 2.0])
-    chosen = parser.parse_args()
-    if chosen.set in missing_sets():
-        parser.error(f"{OrganSet(chosen.set).images} is not here; set BLUNTDISSECT_DATA")
-    organ = OrganSet(chosen.set)
-    started = time.perf_counter()
-    search = DracoSearch(organ)
-    print(f"{organ.name}: mean radius {organ.radius:.3f} mm")
-    for percent in chosen.percent:
-        best = search.best(0.01 * percent * organ.radius)
-        found = "not reached" if best is None else f"{best}; {100 * best.rms / organ.radius:.3f} %"
-        print(f"{percent:g} %: {found}", flush=True)
-    print(f"{search.tried} settings in {time.perf_counter() - started:.0f} s")
-
-
-if __name__ == "__main__":
-    main()

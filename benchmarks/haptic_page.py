@@ -202,7 +202,7 @@ def figures_beside_page(seconds: float) -> Iterator[tuple[str, dict[str, Any]]]:
 
     def bare() -> Callable[[], Any]:
         process = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.haptic_servo", "bare", str(seconds)],
+            [sys.executable, "-m", "benchmarks.haptic_servo", str(seconds)],
             stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
         return lambda: msgspec.json.decode(process.communicate()[0])

@@ -1,8 +1,4 @@
-"""The servo at 1 kHz, in process and through a websocket, beside a loop that does nothing.
-
-``python -m benchmarks haptics`` measures some seconds each; ``python -m benchmarks.haptic_servo
-600`` as many as are wanted.
-"""
+"""The servo at 1 kHz, in process and through a websocket, beside a loop that does nothing."""
 
 import subprocess
 import sys
@@ -84,21 +80,21 @@ def virtual_service(hand: Path) -> Iterator[str]:
         process.wait(10.0)
 
 
-def servo_report(words: list[str], hand: Path, seconds: float) -> dict[str, Any]:
+def servo_report(words: list[str], hand: Path) -> dict[str, Any]:
     """Return the report of a servo in a process of its own."""
-    options = ["haptics", "--hold", "--json", "--seconds", str(seconds), "--hand", str(hand)]
+    options = ["haptics", "--hold", "--json", "--seconds", str(SECONDS), "--hand", str(hand)]
     done = subprocess.run([sys.executable, "-c", ENTRY, *options, *words],
                           capture_output=True, text=True, check=True)  # fmt: skip
     return msgspec.json.decode(done.stdout)
 
 
-def haptic_figures(seconds: float = SECONDS) -> dict[str, dict[str, float]]:
+def haptic_figures() -> dict[str, dict[str, float]]:
     """Return the figures of the bare loop and of servos."""
     with tempfile.TemporaryDirectory() as folder:
         hand = Path(folder) / "hand.toml"
         hand.write_text(HAND)
         bare = subprocess.run(
-            [sys.executable, "-m", "benchmarks.haptic_servo", "bare", str(seconds)],
+            [sys.executable, "-m", "benchmarks.haptic_servo", str(SECONDS)],
             capture_output=True, text=True, check=True,
         )  # fmt: skip
         figures: dict[str, dict[str, float]] = {"bare loop": msgspec.json.decode(bare.stdout)}
@@ -110,7 +106,7 @@ def haptic_figures(seconds: float = SECONDS) -> dict[str, dict[str, float]]:
                 ("exact, websocket", ["--device", "haply", "--address", address,
                                       "--theory", "exact"]),
             ):  # fmt: skip
-                made = servo_report(words, hand, seconds)
+                made = servo_report(words, hand)
                 figures[name] = {
                     "period_p99_us": made["period_us"]["p99"],
                     "period_p99_9_us": made["period_us"]["p99_9"],
@@ -124,11 +120,11 @@ def haptic_figures(seconds: float = SECONDS) -> dict[str, dict[str, float]]:
     return figures
 
 
-def measure_haptics(console: Console, seconds: float = SECONDS) -> dict[str, dict[str, float]]:
+def measure_haptics(console: Console) -> dict[str, dict[str, float]]:
     """Print and return the figures of the servo."""
-    with console.status(f"Running servos for {seconds:g} s each ..."):
-        figures = haptic_figures(seconds)
-    console.print(f"\nServo at {1.0 / PERIOD:g} Hz, {seconds:g} s each", highlight=False)
+    with console.status(f"Running servos for {SECONDS:g} s each ..."):
+        figures = haptic_figures()
+    console.print(f"\nServo at {1.0 / PERIOD:g} Hz, {SECONDS:g} s each", highlight=False)
     for name, found in figures.items():
         line = (f"{name:<18} period 99 % {found['period_p99_us']:.0f}, 99.9 % "
                 f"{found['period_p99_9_us']:.0f} us; over 1.5 ms "
@@ -143,8 +139,5 @@ def measure_haptics(console: Console, seconds: float = SECONDS) -> dict[str, dic
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "bare":
-        real_time()
-        print(msgspec.json.encode(bare_loop(float(sys.argv[2]))).decode())
-    else:
-        measure_haptics(Console(), float(sys.argv[1]))
+    real_time()
+    print(msgspec.json.encode(bare_loop(float(sys.argv[1]))).decode())

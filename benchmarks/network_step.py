@@ -89,7 +89,3 @@ def measure_network(console: Console) -> dict[str, Any]:
             highlight=False,
         )
     return figures
-
-
-if __name__ == "__main__":
-    measure_network(Console())

@@ -1,14 +1,10 @@
-"""Time to move a skin, beside a copy of its bytes, and to export a rigged organ.
-
-Run alone by ``python -m benchmarks.skinning``.
-"""
+"""Time to move a skin, beside a copy of its bytes, and to export a rigged organ."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 
-from app.command_line.load import shipped_organ
 from app.export.pull_export import PullExport
 from app.export.rigged_organ import rigged_organ
 from app.simulation import Dissection, Specimen, preset_named
@@ -85,9 +81,3 @@ def export_figures(organ: Organ) -> dict[str, float]:
         "export_bytes": float(len(content(KEYS))),
         "bytes_a_key": (pull_bytes(KEYS) - pull_bytes(KEYS // 2)) / (KEYS - KEYS // 2),
     }
-
-
-if __name__ == "__main__":
-    duct = shipped_organ()
-    for name, figure in (skinning_figures(duct) | export_figures(duct)).items():
-        print(f"{name:24} {figure:12,.1f}")

@@ -67,11 +67,6 @@ class Run:
         return self._recorder.ticks
 
     @property
-    def inputs(self) -> int:
-        """How many inputs are logged; at most `MOST_INPUTS`."""
-        return self._log.count
-
-    @property
     def seconds(self) -> float:
         """Time so far, s."""
         return self.ticks * TICK_SECONDS

@@ -20,7 +20,6 @@ from app.trainer.viser_bridge.private_api import start_server, stop_server
 
 Dots = NDArray[np.uint8]
 
-FILM_SUFFIXES = (".webm", ".webp")
 RATE = 10
 """Pictures a second of a film."""
 MOST_PICTURES = 200
