@@ -1,6 +1,7 @@
 """What the trainer's tests share: one browser, one trainer, and a scene without a page."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import viser
@@ -9,6 +10,7 @@ from own_organ import tube_file  # noqa: F401  (a fixture)
 from playwright.sync_api import Browser
 from simulated import phantom
 
+from app.classroom.store import ClassStore
 from app.compression.build_process import BuildProcess
 from app.trainer.server.trainer import Trainer
 
@@ -38,7 +40,19 @@ def trainer() -> Iterator[Trainer]:
 
 
 @pytest.fixture
-def scene() -> Iterator[viser.SceneApi]:
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield server.scene
-    server.stop()
+def server() -> Iterator[viser.ViserServer]:
+    running = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield running
+    running.stop()
+
+
+@pytest.fixture
+def scene(server: viser.ViserServer) -> viser.SceneApi:
+    return server.scene
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[ClassStore]:
+    made = ClassStore.new(tmp_path / "class.sqlite", "Surgery 3A")
+    yield made
+    made.close()

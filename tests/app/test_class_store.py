@@ -9,7 +9,6 @@ import socket
 import sqlite3
 import stat
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from queue import Queue
 
@@ -37,13 +36,6 @@ from app.simulation import read_run
 
 KILLS = 5
 HOSTILE = "<img src=x onerror=alert(1)>&\"'"
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[ClassStore]:
-    made = ClassStore.new(tmp_path / "class.sqlite", "Surgery 3A")
-    yield made
-    made.close()
 
 
 def test_a_class_is_found_again_as_it_was_left(store: ClassStore) -> None:

@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -76,13 +75,6 @@ n = 9
 source = "experts"
 date = "2027-03-01"
 """
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[ClassStore]:
-    made = ClassStore.new(tmp_path / "class.sqlite", "Surgery 3A")
-    yield made
-    made.close()
 
 
 def incident(error: str, start: float, end: float, consequence: str = "none") -> Incident:

@@ -4,7 +4,7 @@ import asyncio
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -38,13 +38,6 @@ assert (_infra._message_consumer.__module__ == "viser.infra._infra") is {plain}
 of_the_replacement = pytest.mark.skipif(
     not fast_transport.ON, reason="viser's own transport is at work: BLUNTDISSECT_PLAIN_VISER=1"
 )
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    running = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield running
-    running.stop()
 
 
 @pytest.mark.parametrize("plain", [False, True])

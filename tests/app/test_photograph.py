@@ -3,7 +3,6 @@
 import base64
 import csv
 import io
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -40,13 +39,6 @@ def test_what_is_no_picture_is_refused() -> None:
     ):  # fmt: skip
         with pytest.raises(ValueError, match="no picture"):
             photograph_of(wrong)
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[ClassStore]:
-    made = ClassStore.new(tmp_path / "class.sqlite", "3A")
-    yield made
-    made.close()
 
 
 def test_a_teacher_gives_points_beside_those_computed(store: ClassStore, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 import asyncio
 import re
 import socket
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -41,13 +40,6 @@ from app.trainer.viser_bridge.private_api import (
 )
 from app.trainer.viser_bridge.recording import recording_page
 from benchmarks.page_protocol import CAMERA, connected
-
-
-@pytest.fixture
-def server() -> Iterator[viser.ViserServer]:
-    running = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield running
-    running.stop()
 
 
 def test_a_connection_leads_to_its_page_and_a_page_can_be_closed(

@@ -48,13 +48,6 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[ClassStore]:
-    made = ClassStore.new(tmp_path / "class.sqlite", "Surgery 3A")
-    yield made
-    made.close()
-
-
-@pytest.fixture
 def records(tmp_path: Path) -> Iterator[RecordStore]:
     made = RecordStore(tmp_path / "records.sqlite")
     thread = threading.Thread(target=made.serve_forever)
