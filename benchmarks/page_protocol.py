@@ -58,7 +58,7 @@ class Page:
 
     def __init__(self, connection: websockets.asyncio.client.ClientConnection) -> None:
         self._connection = connection
-        self._slider = ""
+        self._slider = self._reset = ""
         self._owner: str | None = None  # of the mesh by which the duct is dragged
         self._held = False
         self._unpack = zstandard.ZstdDecompressor()
@@ -69,8 +69,8 @@ class Page:
         Its address asks for a `mode`, if one is given; in a class it joins with a `name`.
         """
         await self._send(CAMERA)
-        field = join = reset = ""
-        while not (self._slider and reset and (name is None or (field and join))):
+        field = join = ""
+        while not (self._slider and self._reset and (name is None or (field and join))):
             for message in await self.messages():
                 kind = message["type"]
                 label = message.get("props", {}).get("label")
@@ -81,7 +81,7 @@ class Page:
                 if message.get("name") == "/organ/grip" and "owner" in message:
                     self._owner = message["owner"]
                 if kind == "GuiButtonMessage" and message["props"]["label"].startswith("Reset"):
-                    reset = message["uuid"]
+                    self._reset = message["uuid"]
                 if kind == "LocalStorageGetItemRequestMessage":  # a browser that keeps nothing
                     answer = {
                         "type": "LocalStorageGetItemResponseMessage",
