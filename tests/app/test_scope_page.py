@@ -43,6 +43,10 @@ IN_PLACE = """() => { const p = bluntdissectScope.picture, { geometry, material 
     p.group.remove(mesh);
     return matrixWorld.equals(p.group.matrixWorld) && !matrixWorld.equals(matrix); }"""
 
+# How bright the covering sheet is beside the duodenum, and far from all organs.
+SHADES = """() => { const sheet = bluntdissectScope.picture.sheet;
+    return [[13, 30], [20, -50]].map(([x, y]) => sheet.cavity[sheet.cellAt(x, y)]); }"""
+
 NOTCHES = """count => { const canvas = document.elementFromPoint(300, 280);
     for (let k = 0; k < count; k++) canvas.dispatchEvent(
         new WheelEvent("wheel", { deltaY: -100, bubbles: true, cancelable: true })); }"""
@@ -233,6 +237,13 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.page.mouse.move(360, 280)
         tab.page.mouse.up()
         tab.wait_until(lambda: aside() < start - 2.0)
+
+
+def test_the_sheet_is_dark_beside_the_duodenum(calot: Trainer, browser: Browser) -> None:
+    with scope_page(browser, calot) as page:
+        beside, far = page.tab.page.evaluate(SHADES)
+        assert beside < 0.7
+        assert far > 0.9
 
 
 @pytest.mark.parametrize("size", [(390, 844), (640, 400)], ids=["phone", "zoomed to 200 %"])

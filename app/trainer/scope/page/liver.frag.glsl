@@ -1,4 +1,5 @@
 // The liver's underside: smooth capsule, fine lobular grain, and a broad wet sheen.
+varying float vCover;  // height over what lies under it
 void main() {
   if (outside()) { gl_FragColor = vec4(0.0, 0.0, 0.0, 1.0); return; }
   vec3 n = normalize(vNormal);
@@ -12,5 +13,7 @@ void main() {
 #ifndef PLAIN
   n = bumped(n, uv * 8.0, across, up, vec2(0.8, 0.3), 0.55);
 #endif
-  gl_FragColor = vec4(camera(lit(n, base, vec3(0.16, 0.07, 0.05), 0.36, 1.1, 1.0)), 1.0);
+  // It is dark where it meets what lies under it, along an uneven line.
+  float clear = smoothstep(0.0, 1.0, vCover + 0.25 * (t.r - 0.5));
+  gl_FragColor = vec4(camera(lit(n, base, vec3(0.16, 0.07, 0.05), 0.36, 1.1, mix(0.25, 1.0, clear))), 1.0);
 }

@@ -10,6 +10,7 @@
   const NEAR = 1, FAR = 800, FIELD = Math.PI / 3;
   const BEAT_HZ = 1.2, SWELLS = 0.035;         // of an artery: heart's rate, and part of its radius
   const COARSE = 0.5;                          // dots a pixel of the plain look
+  const SHADED = 12;                           // mm over what lies under the liver that it is darker
   const BEYOND = 60;                           // cells
   const ROUND = 1.10;                          // of half the picture's shorter side
   // Round the picture it is black, and darker towards its edge.
@@ -90,8 +91,13 @@
       const cloth = ["common", "wet", "sheet.frag"];
       this.put(this.skin.geometry, this.material(["ground.vert"], cloth, { uOpaque: 1 }, { side: 2 }), 1);
       if (!this.given.plain) this.put(this.skin.geometry, this.material(["ground.vert"], cloth, { uOpaque: 0 }, { side: 2, transparent: true }), 6);
-      const liver = liverOf(this.given.liver);
-      this.put(make.geometry({ position: [liver.position, 3], normal: [liver.normal, 3], cover: [new Float32Array(liver.position.length / 3), 1] }, gridIndex(liver.columns, liver.rows)),
+      const liver = liverOf(this.given.liver), off = new Float32Array(liver.position.length / 3);
+      off.forEach((_, k) => {
+        const [x, y, z] = liver.position.subarray(3 * k, 3 * k + 3), under = sheet.floor[sheet.cellAt(x, y)] ?? -SHADED;
+        off[k] = (z - under) / SHADED;
+        if (z - under < 3) sheet.shadeBeside([x, y, under, 2], sheet.beside);
+      });
+      this.put(make.geometry({ position: [liver.position, 3], normal: [liver.normal, 3], cover: [off, 1] }, gridIndex(liver.columns, liver.rows)),
         this.material(["ground.vert"], ["common", "wet", "liver.frag"], {}, { side: 2 }), 3);
     }
 
@@ -392,7 +398,7 @@
     for (let j = 0; j < rows; j++) for (let i = 0; i < columns; i++) {
       const k = j * columns + i, along = heights[j * columns + Math.min(i + 1, columns - 1)] - heights[j * columns + Math.max(i - 1, 0)];
       const up = heights[Math.min(j + 1, rows - 1) * columns + i] - heights[Math.max(j - 1, 0) * columns + i];
-      const l = 1 / Math.hypot(along, up, 2 * cell);
+      const l = 1 / Math.sqrt(along * along + up * up + 4 * cell * cell);
       position[3 * k + 2] = heights[k];
       normal[3 * k] = -along * l;
       normal[3 * k + 1] = -up * l;

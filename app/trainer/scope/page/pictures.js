@@ -26,8 +26,7 @@
         const d = Math.hypot(ci + i + p[0] - x, cj + j + p[1] - y) * (0.85 + 0.3 * p[2]);
         if (d < near) { next = near; near = d; } else if (d < next) next = d;
       }
-      const dome = clamp(1.15 - 1.25 * near * near / (0.35 + 0.3 * next), 0, 1);
-      return clamp(0.62 * dome + 0.38 * clamp((next - near) * 1.6, 0, 1) ** 0.7, 0, 1);
+      return 1 - 0.95 * (2 * near / (near + next)) ** 2;
     };
   };
 
@@ -42,7 +41,7 @@
       const u = x / size, v = y / size;
       let sum = 0;
       for (let k = 0; k < 5; k++) sum += cloud(k, u, v) * 0.5 ** (k + 1);
-      const lobe = fat(13 * u + 1.5 * (warpX(12 * u, 12 * v) - 0.5), 13 * v + 1.5 * (warpY(12 * u, 12 * v) - 0.5));
+      const lobe = fat(13 * u + (warpX(12 * u, 12 * v) - 0.5), 13 * v + (warpY(12 * u, 12 * v) - 0.5));
       const fibre = 0.5 * fine(96 * u, 6 * v + 3 * cloud(0, u, v)) + 0.3 * octaves[3][1](64 * u, 4 * v) + 0.2 * sum;
       const trunk = branches(6 * u + 0.7 * (cloud(1, u, v) - 0.5), 6 * v + 0.7 * (cloud(2, u, v) - 0.5));
       const twig = twigs(11 * u, 11 * v + 0.6 * cloud(2, u, v));

@@ -8,15 +8,18 @@
   const THICK = 0.35;        // of the sheet, mm
   const HEAPED = 2.6;        // of what is pushed aside, at the rim of a hole, mm
   const STAYS = 0.05;        // of a fluid where it has been, mm
+  const BESIDE = 4;          // mm beside organs that the sheet is darker
   const REACH = 7;           // of a sucker's tip, mm
   const RUNS = 4;            // rounds a picture in which fluids run down
 
   class Sheet {
     constructor({ x0, y0, cell, columns, rows, heights }) {
       Object.assign(this, { x0, y0, cell, columns, rows, size: columns * rows, floor: numbers(heights) });
-      for (const name of ["top", "cover", "blood", "bile", "cavity", "spare", "kept", "left", "all"])
+      for (const name of ["top", "cover", "blood", "bile", "cavity", "spare", "kept", "left", "all", "beside"])
         this[name] = new Float32Array(this.size);
       this.cover.fill(1);
+      this.beside.fill(1);
+      this.top.set(this.floor);
       this.volumes = { blood: 0, bile: 0 };  // mm^3 of the last frame
       this.bytes = new Uint8Array(4 * this.size);  // cover, blood, cavity, bile
     }
@@ -54,7 +57,27 @@
       spare.set(top);
       for (let n = 0; n < 4; n++) this.#blur(spare);
       for (let k = 0; k < size; k++) this.cavity[k] = clamp(1.0 - 0.085 * (spare[k] - floor[k]), 0.30, 1);
+      this.#shade(state);
       return { cell, columns, rows };
+    }
+
+    // What is seen is darker beside a ball, (x, y, z, r) mm, the more the nearer it is.
+    shadeBeside([x, y, z, r], dark) {
+      const { x0, y0, cell, columns, rows, top } = this, reach = r + 2 * BESIDE;
+      const low = (a, o) => Math.max(0, Math.floor((a - reach - o) / cell)), high = (a, o, most) => Math.min(most - 1, Math.ceil((a + reach - o) / cell));
+      for (let j = low(y, y0); j <= high(y, y0, rows); j++) for (let i = low(x, x0); i <= high(x, x0, columns); i++) {
+        const k = j * columns + i, along = x0 + i * cell - x, up = y0 + j * cell - y, over = top[k] - z;
+        const gap = Math.max(0, Math.sqrt(along * along + up * up + over * over) - r) / BESIDE;
+        if (gap < 2) dark[k] = Math.min(dark[k], 1 - 0.6 * Math.exp(-gap * gap));
+      }
+    }
+
+    // The floor is dark as it lies deep, and the sheet beside organs that stand out of it.
+    #shade(state) {
+      const { size, cover, cavity, beside, spare } = this;
+      spare.set(beside);
+      for (const tube of state.tubes) if (tube.bare) for (let s = 0; s <= tube.count - 1; s += 0.5) this.shadeBeside(state.at(tube, s), spare);
+      for (let k = 0; k < size; k++) cavity[k] += cover[k] * (spare[k] - cavity[k]);
     }
 
     // Let what has been lost since the last frame well up, run down and lie, and what has been taken
@@ -134,6 +157,8 @@
         cover.set(spare);
       }
       for (let k = 0; k < size; k++) if (Number.isNaN(cover[k])) cover[k] = 1;
+      // So wide that no cell of the grid shows in the rim, which the shader breaks up.
+      this.#blur(cover);
       this.#blur(cover);
     }
 

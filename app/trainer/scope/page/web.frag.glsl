@@ -13,20 +13,22 @@ void main() {
   float fibre = 0.6 * f.b + 0.4 * g.b, thin = smoothstep(1.8, 6.0, vWide);
   float hole = mix(0.05, 0.42, max(thin, 0.75 * taut) * (0.4 + 0.6 * mid));
   hole += 0.6 * gone * smoothstep(0.35, 0.75, mid + 0.5 * (g.b - 0.5));
-  float body = smoothstep(hole, hole + 0.30, 0.55 * f.r + 0.45 * fibre);
+  float body = smoothstep(hole, hole + 0.42, 0.55 * f.r + 0.45 * fibre);
   // Frayed at its sides, where the next film overlaps it.
   float fray = x + 0.3 * (g.b - 0.5), side = smoothstep(0.0, 0.35, fray) * smoothstep(1.0, 0.65, fray);
   float both = smoothstep(0.0, 0.10, t) * smoothstep(1.0, 0.86, t);
-  float alpha = body * (0.30 + 0.16 * taut + 0.26 * smoothstep(0.52, 0.80, fibre)) * side * mix(0.35, 1.0, both);
+  float alpha = body * (0.15 + 0.10 * taut + 0.42 * smoothstep(0.50, 0.82, fibre)) * side * mix(0.35, 1.0, both);
   alpha *= 1.0 - smoothstep(0.75, 1.0, gone) * smoothstep(0.05, 0.45, mid + 0.5 * (fibre - 0.5));
   if (alpha < 0.02) discard;
   vec3 n = normalize(vNormal), v = normalize(uEye - vPlace);
   if (dot(n, v) < 0.0) n = -n;
+  // Seen along it, a film is longer in the ray's way.
+  alpha *= 1.0 + 1.2 * pow(1.0 - dot(n, v), 3.0);
   n = normalize(n + 0.8 * vec3(f.b - 0.5, g.b - 0.5, g.r - 0.5));
   vec3 base = mix(vec3(0.62, 0.32, 0.20), vec3(0.80, 0.62, 0.53), clamp(0.15 + 0.75 * taut + 0.3 * (fibre - 0.5), 0.0, 1.0));
   vec4 fluid = field(vPlace);
-  base = mix(base, vec3(0.45, 0.02, 0.015), 0.7 * smoothstep(0.03, 0.3, fluid.g) * smoothstep(-2.0, -6.0, vPlace.z));
-  vec3 c = lit(n, base, vec3(0.6, 0.42, 0.34), 0.36, 0.55, 1.0);
+  base = mix(base, vec3(0.40, 0.02, 0.015), 0.9 * smoothstep(0.03, 0.4, fluid.g + 0.15 * (f.r - 0.5)));
+  vec3 c = lit(n, base, vec3(0.6, 0.42, 0.34), 0.30, 0.9, 1.0);
   float shine = smoothstep(0.7, 1.6, max(c.r, c.g));
-  gl_FragColor = vec4(camera(c), min(1.0, alpha + 0.35 * shine * body));
+  gl_FragColor = vec4(camera(c), min(1.0, alpha + 0.25 * shine * body * side));
 }
