@@ -158,7 +158,7 @@ class DissectionRecorder:
         before, self._scope = self._scope, pose
         if before is not None and before is not pose:
             self._scope_path += _size([b - a for a, b in zip(before[3:6], pose[3:6], strict=True)])
-        self._unseen += not all(in_picture(pose, hand.place.tolist()) for hand in self.duct.hands)
+        self._unseen += not all(in_picture(pose[:6], hand.place) for hand in self.duct.hands)
         if len(pose) > SCOPE_NUMBERS:
             self._levelled += 1
             self._rolled += abs(pose[SCOPE_NUMBERS])

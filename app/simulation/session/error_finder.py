@@ -6,6 +6,7 @@ taken over several ticks, from end to end: over one a hand's tremor is most of t
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,14 @@ from app.anatomy import tube_title
 from app.bed_preset import bed_named
 from app.simulation.exercises.errors import ERROR_CLASSES, Conditions, Incidents
 from app.simulation.exercises.errors.incidents import Consequence
-from app.simulation.exercises.errors.pace import LEAST_SPEED, PULL_TICKS, Pace
+from app.simulation.exercises.errors.pace import (
+    LEAST_SPEED,
+    PULL_TICKS,
+    Pace,
+    PaceLimits,
+    judge,
+    take_ratio,
+)
 from app.simulation.inputs.clock import REACTION_SECONDS, TICK_SECONDS
 from app.simulation.inputs.hand import MEAN_PULL, Hand
 from app.simulation.inputs.inputs import HOLDING, SCOPE_NUMBERS
@@ -50,12 +58,72 @@ SAME = 1e-6
 
 # Columns of what a tick shows of a hand: strands that parted, that are being parted and that touch;
 # its force, N, and its work over `PULL_TICKS`, mJ; speeds of the tip over `TIP_TICKS` and over
-# `PULL_TICKS`, and how fast it opens, mm/s; mean press, N; how often it turned back; and of a hold
-# the largest force, N, the highest place, mm, and the mean pull, N.
+# `PULL_TICKS`, and how fast it opens, mm/s; mean press, N; how often it turned back; of a hold the
+# largest force, N, and the highest place, mm; ticks for which it has leaned, and for which the hand
+# has worked out of the picture; its lean, degrees.
 PARTED, GOING, TOUCHING, SIZE, WORK, TIP_SPEED, PULL_SPEED, OPENS, PRESS, TURNS = range(10)
-MOST, HIGHEST, PULL, SEEN = 10, 11, 12, 15
+MOST, HIGHEST, LEANING, UNSEEN, ANGLE = range(10, 15)
+# Whether a condition holds: an instrument is fast in tissue, its jaws jump, it parts strands that
+# no hold makes taut, is fast where it may be unseen, presses, parts on jaws that stay; a hold
+# has lost its traction, pulls where its place is to be judged, leans, lifts too high; a hand works
+# out of the picture; and what `judge` finds of its pace.
+FAST, JUMPS, ALONE, STABS, PRESSES, PLOUGHS, LOST, PLACE, LEANS, LIFTS, HIDDEN = range(15, 26)
+PACE, PULL, SEEN = 26, 27, 30
+"""Columns of its pace, and of the mean pull of a hold, (3,) N; how many there are."""
 OPENING = 3
 """Column of a hand's track after its place."""
+LINE_OF_SIGHT = 6
+"""Numbers of a view by which it is known what is in the picture."""
+NO_SCOPE = (0.0,) * LINE_OF_SIGHT
+
+
+class _Limits(NamedTuple):
+    """Parameters of the classes whose conditions `_look` judges."""
+
+    pull: float  # N that a hold pulls at least
+    fast: float  # mm/s
+    fast_strands: float
+    jump: float  # mm/s
+    alone: bool  # whether it is an error to part strands without a hold
+    stab: float  # mm/s
+    press: float  # N
+    lost_pull: float  # N
+    lost_part: float
+    lost_down: float  # mm
+    angle: float  # degrees
+    leaning_pull: float  # N
+    leaning: float  # s
+    lifted: float  # stress ratio
+    hidden_pull: float  # N
+    hidden: float  # s
+    pace: PaceLimits
+
+    @classmethod
+    def of(cls, incidents: Incidents, pace: PaceLimits) -> "_Limits":
+        """Return those of a run."""
+        limits = incidents.limits
+        fast, lost, leaning, hidden = (
+            limits[key] for key in ("fast_in_tissue", "traction_lost", "leaning", "out_of_view")
+        )
+        return cls(
+            pull=limits["ahead_of_front"]["pull"],
+            fast=fast["speed"],
+            fast_strands=fast["strands"],
+            jump=1.001 * limits["jumping_jaws"]["speed"],
+            alone="no_traction" not in incidents.ignored,
+            stab=limits["blind_stab"]["speed"],
+            press=limits["instrument_on_wall"]["least"],
+            lost_pull=lost["pull"],
+            lost_part=lost["part"],
+            lost_down=lost["down"],
+            angle=leaning["angle"],
+            leaning_pull=leaning["pull"],
+            leaning=leaning["seconds"],
+            lifted=limits["over_lifted"]["most"],
+            hidden_pull=hidden["pull"],
+            hidden=hidden["seconds"],
+            pace=pace,
+        )
 
 
 class _Watch:
@@ -63,12 +131,11 @@ class _Watch:
 
     __slots__ = (
         "events", "events_start", "front_away", "held_at", "holds", "instrument", "judged",
-        "leaning", "ploughed", "ploughed_mm", "recent_holds", "slips", "turns", "unseen",
+        "ploughed", "ploughed_mm", "recent_holds", "slips", "turns",
     )  # fmt: skip
 
     def __init__(self, hand: Hand) -> None:
         self.instrument, self.holds, self.slips = hand.instrument, hand.holds, hand.slips
-        self.leaning = self.unseen = 0  # ticks
         self.recent_holds: list[tuple[int, float]] = []
         self.held_at = 0.0
         self.front_away: float | None = None
@@ -129,7 +196,6 @@ class ErrorFinder:
             limits,
         )
         self._most_fraction = ratio or 1.0
-        self._least_pull = self.incidents.limits["ahead_of_front"]["pull"]
         self._watches = [_Watch(hand) for hand in duct.hands]
         self._damage = duct.beam.state.damage.copy()
         # Of each hand: its track, oldest first; presses of the last ticks, N; where it last turned,
@@ -140,6 +206,11 @@ class ErrorFinder:
         for i in range(HANDS):
             self._start_track(i)
         self._pace = Pace(self.incidents)
+        self._limits = _Limits.of(self.incidents, self._pace.limits)
+        self._stretches: list[Span] | None = None
+        # Of each hand, whether the place of its hold is to be judged: until it has been, and again
+        # where the free stretches have changed.
+        self._unplaced = [True] * HANDS
         nodes = [duct.beam.nodes_of(name) for name in tubes]  # of all tubes one after the other
         self._nodes = np.concatenate(nodes)
         self._firsts = np.cumsum([0, *(each.size for each in nodes)])
@@ -156,13 +227,11 @@ class ErrorFinder:
 
     def take(self, stretches: list[Span], out_of_sight: int) -> None:
         """Take a tick with the stretches that are free, mm; so many strands parted unseen in it."""
-        duct, incidents, watches = self._duct, self.incidents, self._watches
+        duct, incidents = self._duct, self.incidents
         incidents.tick += 1
-        self._stretches = stretches
-        state, hands, stress = duct.beam.state, duct.hands, duct.stress_ratio
-        a, b = hands
-        self._pace.take(stress)
-        for i, (hand, watch) in enumerate(zip(hands, watches, strict=True)):
+        if stretches is not self._stretches:
+            self._stretches, self._unplaced = stretches, [True] * HANDS
+        for i, (hand, watch) in enumerate(zip(duct.hands, self._watches, strict=True)):
             if hand.instrument != watch.instrument:
                 watch.instrument = hand.instrument
                 self._start_track(i)
@@ -176,19 +245,23 @@ class ErrorFinder:
                 )  # fmt: skip
             if hand.node is not None and hand.holds != watch.holds:
                 self._take_hold(i, hand, watch)
-        force, other = duct.forces
-        parted, striking = _LOOK(
+        state, (a, b), (force, other) = duct.beam.state, duct.hands, duct.forces
+        scoped, stress = len(duct.pose) >= SCOPE_NUMBERS, duct.stress_ratio
+        parted, due = _LOOK(
             state.damage, self._damage, state.side, state.press,
             duct.rod_counts, (a.node is not None, b.node is not None),
-            (a.place, b.place), (a.opening, b.opening), (*force, *other), self._least_pull,
-            self._tracks, self._presses, self._turned, self._seen,
+            (a.place, b.place), (a.opening, b.opening), (*force, *other),
+            (a.instrument == "dissector", b.instrument == "dissector"),
+            (self._unplaced[0], self._unplaced[1]), stress, self._several,
+            scoped, duct.pose[:LINE_OF_SIGHT] if scoped else NO_SCOPE, self._limits,
+            self._tracks, self._presses, self._turned, self._pace.ratios, self._seen,
         )  # fmt: skip
-        if striking or self._several or len(duct.pose) >= SCOPE_NUMBERS:
+        if due:
             self._judge_hands(parted)
         if out_of_sight and out_of_sight >= incidents.limits["unseen"]["strands"]:
             incidents.note("unseen", None, duct.station, out_of_sight, out_of_sight)
         if self._several:
-            self._judge_tubes(self._seen.tolist(), parted)
+            self._judge_tubes(parted)
         self._torn = False
         if (
             len(duct.events) != self._events
@@ -205,39 +278,30 @@ class ErrorFinder:
             incidents.end_tick(self._consequence(stress, out_of_sight))
 
     def _judge_hands(self, parted: int) -> None:
-        """Judge what each hand does, where strands parted or not."""
-        duct, hands, incidents = self._duct, self._duct.hands, self.incidents
+        """Note what `_look` has found of what each hand does."""
+        hands, tick = self._duct.hands, self.incidents.tick
         seen: list[list[float]] = self._seen.tolist()
-        holding = sum(hand.node is not None for hand in hands)
         for i, (hand, watch, row) in enumerate(zip(hands, self._watches, seen, strict=True)):
             if row[TURNS]:
-                watch.turns.extend([incidents.tick] * int(row[TURNS]))
+                watch.turns.extend([tick] * int(row[TURNS]))
             if hand.node is not None:
-                self._judge_hold(i, hand, watch, row, other_dissects=seen[1 - i][GOING] > 0.0)
-            elif row[TOUCHING] or row[PARTED] or row[PRESS]:
-                self._judge_instrument(i, hand, watch, row, holding=holding)
-            if len(duct.pose) >= SCOPE_NUMBERS:
-                self._judge_picture(i, hand, watch, row)
-        if holding:
-            self._judge_pace(seen, parted=parted > 0)
+                self._judge_hold(i, hand, watch, row)
+            else:
+                self._judge_instrument(i, hand, watch, row)
+            if row[HIDDEN]:
+                self.incidents.note(
+                    "out_of_view", i, float(hand.place[0]), row[UNSEEN] * TICK_SECONDS,
+                    tool=watch.instrument, s=row[UNSEEN] * TICK_SECONDS,
+                )  # fmt: skip
+        for i, row in enumerate(seen):
+            if row[PACE]:
+                self._pace.note(int(row[PACE]), i, self._watches[i].held_at, row[PULL_SPEED])
 
     def _start_track(self, i: int) -> None:
         """Start a new track where a hand is."""
         hand = self._duct.hands[i]
         self._tracks[i] = *hand.place.tolist(), hand.opening
         self._presses[i], self._turned[i, 0], self._turned[i, 1] = 0.0, hand.place, 0.0
-
-    def _judge_picture(self, i: int, hand: Hand, watch: _Watch, row: list[float]) -> None:
-        """Judge whether a hand that acts and moves is seen through the laparoscope."""
-        limits = self.incidents.limits["out_of_view"]
-        acts = row[SIZE] > limits["pull"] or row[TOUCHING] > 0.0
-        moves = row[TIP_SPEED] > LEAST_SPEED or row[OPENS] != 0.0
-        unseen = acts and moves and not in_picture(self._duct.pose, hand.place.tolist())
-        watch.unseen = watch.unseen + 1 if unseen else 0
-        seconds = watch.unseen * TICK_SECONDS
-        if seconds > limits["seconds"]:
-            tool, at = watch.instrument, float(hand.place[0])
-            self.incidents.note("out_of_view", i, at, seconds, tool=tool, s=seconds)
 
     def _take_events(self) -> None:
         """Note what tore, was clipped or was divided in this tick."""
@@ -366,27 +430,29 @@ class ErrorFinder:
                 "clip_short", event.hand, at, tube=tube, n=clips, name=self._titles[tube]
             )
 
-    def _judge_tubes(self, seen: list[list[float]], parted: int) -> None:
+    def _judge_tubes(self, parted: int) -> None:
         """Judge what is done to an anatomy's tubes: which are pulled, and what bleeds."""
-        duct, incidents = self._duct, self.incidents
-        pulls = [row[SIZE] for row in seen]
-        hardest = pulls.index(max(pulls)) if max(pulls) > 0.0 else None
+        duct, incidents, limits = self._duct, self.incidents, self.incidents.limits
         for i, hand in enumerate(duct.hands):
-            pulls_hard = pulls[i] > incidents.limits["wrong_structure"]["pull"]
-            if hand.node is not None and self._wrong[hand.tube] and pulls_hard:
+            if hand.node is None or not self._wrong[hand.tube]:
+                continue
+            pull = float(self._seen[i, SIZE])
+            if pull > limits["wrong_structure"]["pull"]:
                 incidents.note(
-                    "wrong_structure", i, duct.held_at(i), pulls[i], tube=hand.tube,
-                    f=pulls[i], name=self._titles[hand.tube],
+                    "wrong_structure", i, duct.held_at(i), pull, tube=hand.tube,
+                    f=pull, name=self._titles[hand.tube],
                 )  # fmt: skip
-        most = incidents.limits["tension_on_vessel"]["most"]
-        for tube in self._vessels:
-            ratio = duct.stress_ratios[tube]
-            if ratio > most and duct.tears[tube] is None:
-                incidents.note(
-                    "tension_on_vessel", hardest, None, ratio, tube=tube,
-                    p=100.0 * min(ratio, 1.0), name=self._titles[tube],
-                )  # fmt: skip
-        near = incidents.limits["tear"]["near"]
+        most, near = limits["tension_on_vessel"]["most"], limits["tear"]["near"]
+        if duct.stress_ratio > most:
+            pulls: list[float] = self._seen[:, SIZE].tolist()
+            hardest = pulls.index(max(pulls)) if max(pulls) > 0.0 else None
+            for tube in self._vessels:
+                ratio = duct.stress_ratios[tube]
+                if ratio > most and duct.tears[tube] is None:
+                    incidents.note(
+                        "tension_on_vessel", hardest, None, ratio, tube=tube,
+                        p=100.0 * min(ratio, 1.0), name=self._titles[tube],
+                    )  # fmt: skip
         if duct.stress_ratio > near:
             for tube, ratio in enumerate(duct.stress_ratios):
                 if ratio > near:
@@ -455,48 +521,44 @@ class ErrorFinder:
 
     # Jaws and swabs
 
-    def _judge_instrument(
-        self, i: int, hand: Hand, watch: _Watch, row: list[float], *, holding: int
-    ) -> None:
-        incidents, limits, duct = self.incidents, self.incidents.limits, self._duct
+    def _judge_instrument(self, i: int, hand: Hand, watch: _Watch, row: list[float]) -> None:
+        incidents, limits, duct, beam = (
+            self.incidents, self.incidents.limits, self._duct, self._duct.beam,
+        )  # fmt: skip
         station, tool = float(hand.place[0]), watch.instrument
-        parted, speed = int(row[PARTED]), row[TIP_SPEED] if row[TOUCHING] else 0.0
-        if parted:
-            fast = limits["fast_in_tissue"]
-            most = fast["speed"]
-            if speed > most and parted >= fast["strands"]:
-                incidents.note(
-                    "fast_in_tissue", i, station, speed, parted, v=speed, speed=most, tool=tool
-                )
-            if row[OPENS] > 1.001 * limits["jumping_jaws"]["speed"]:
-                incidents.note("jumping_jaws", i, station, row[OPENS], parted, v=row[OPENS])
-            if not holding:
-                incidents.note("no_traction", i, station, 0.0, parted)
-        most, beam = limits["blind_stab"]["speed"], duct.beam
-        if speed > most:
+        parted, speed, press = int(row[PARTED]), row[TIP_SPEED], row[PRESS]
+        if row[FAST]:
+            incidents.note(
+                "fast_in_tissue", i, station, speed, parted,
+                v=speed, speed=limits["fast_in_tissue"]["speed"], tool=tool,
+            )  # fmt: skip
+        if row[JUMPS]:
+            incidents.note("jumping_jaws", i, station, row[OPENS], parted, v=row[OPENS])
+        if row[ALONE]:
+            incidents.note("no_traction", i, station, 0.0, parted)
+        if row[STABS]:
             node = _hiding(beam.places, beam.state.thick, duct.radius, hand.place, duct.view)
             names = duct.tubes.names if node >= 0 else ()
             for tube in [k for k, name in enumerate(names) if node in beam.nodes_of(name)][:1]:
                 incidents.note(
                     "blind_stab", i, station, speed, tube=tube,
-                    v=speed, d=speed * REACTION_SECONDS, speed=most,
+                    v=speed, d=speed * REACTION_SECONDS, speed=limits["blind_stab"]["speed"],
                     what=f"the {self._titles[tube]}",
                 )  # fmt: skip
-        press, on_wall = row[PRESS], limits["instrument_on_wall"]
-        if press > on_wall["least"]:
+        if row[PRESSES]:
             state, last = beam.state, 2 * i + duct.rod_counts[i]
             pressed: tuple[int, int] = _DEEPEST(
                 state.x, state.thick, state.rods, 2 * i, last, self._nodes, self._firsts
             )
             tube, node = pressed
             stress = press * duct.tubes.press_stresses[tube][node]
-            if stress > on_wall["part"] * duct.strengths[tube]:
+            if stress > limits["instrument_on_wall"]["part"] * duct.strengths[tube]:
                 station = float(beam.stations_of(duct.tubes.names[tube])[node])
                 incidents.note(
                     "instrument_on_wall", i, station, press,
                     tube=tube, f=press, tool=tool, what=f"the {self._titles[tube]}",
                 )  # fmt: skip
-        if parted and tool == "dissector":
+        if row[PLOUGHS]:
             self._judge_sweep(i, watch, parted)
 
     def _judge_sweep(self, i: int, watch: _Watch, parted: int) -> None:
@@ -508,15 +570,12 @@ class ErrorFinder:
             watch.turns.pop(0)
         while watch.events and (tick - watch.events[0][0]) * TICK_SECONDS > plough["seconds"]:
             watch.events.pop(0)
-        # Jaws open where they part farther than their tip moves.
-        opened = now[3] - before[3]
-        if opened > max(0.3, math.dist(now[:3], before[:3])):
-            return
         if not watch.events:
             watch.events_start = (now[0], now[1], now[2])
         watch.events.append((tick, parted))
         watch.ploughed += parted
-        watch.ploughed_mm += (math.dist(now[:3], before[:3]) + 0.5 * abs(opened)) / SHIFT_TICKS
+        opened = abs(now[3] - before[3])
+        watch.ploughed_mm += (math.dist(now[:3], before[:3]) + 0.5 * opened) / SHIFT_TICKS
         total = sum(number for _, number in watch.events)
         far = math.dist(now[:3], watch.events_start)
         if watch.ploughed > plough["in_all"]:
@@ -536,8 +595,9 @@ class ErrorFinder:
         watch.holds = hand.holds
         self._tracks[i] = *hand.place.tolist(), hand.opening
         at = self._duct.held_at(i) or 0.0
-        watch.held_at, watch.judged, watch.leaning = at, False, 0
-        self._seen[i, MOST], self._seen[i, HIGHEST] = 0.0, hand.place[2]
+        watch.held_at, watch.judged, self._unplaced[i] = at, False, True
+        row = self._seen[i]
+        row[MOST], row[HIGHEST], row[LEANING] = 0.0, hand.place[2], 0.0
         watch.front_away = self._front(at)[0]
         tick, limits = self.incidents.tick, self.incidents.limits["repeated_holds"]
         holds = watch.recent_holds
@@ -555,7 +615,7 @@ class ErrorFinder:
         # none.
         span = self._duct.dissection.beam.span
         outside: list[tuple[float, float]] = []
-        for a, b in self._stretches:
+        for a, b in self._stretches or ():
             edges = [(abs(edge - at), edge) for edge in (a, b) if SAME < edge < span - SAME]
             if a - SAME <= at <= b + SAME:
                 far, edge = min(edges, default=(None, 0.0))
@@ -563,58 +623,32 @@ class ErrorFinder:
             outside += edges
         return min(outside, default=(None, 0.0))
 
-    def _judge_hold(
-        self, i: int, hand: Hand, watch: _Watch, row: list[float], *, other_dissects: bool
-    ) -> None:
-        incidents, limits = self.incidents, self.incidents.limits
-        at, stress, size = watch.held_at, self._pace.ratio, row[SIZE]
-        # At an anatomy what is taut is let back while the other hand parts tissue.
-        if other_dissects and not self._several:
-            lost, most = limits["traction_lost"], row[MOST]
-            down = row[HIGHEST] - float(hand.place[2])
-            if most > lost["pull"] and size < lost["part"] * most and down > lost["down"]:
-                incidents.note("traction_lost", i, at, -size, most=most, f=size)
-        if size <= self._least_pull:
-            return
-        # What holds an anatomy's tubes has no one front, and a hold may not be what loads a wall.
-        if self._several:
-            return
-        if not self._duct.rod_counts[1 - i]:
-            self._judge_place(i, watch)
-        self._judge_lean(i, watch, row[PULL:])
-        most = limits["over_lifted"]["most"]
-        if stress > most:
+    def _judge_hold(self, i: int, hand: Hand, watch: _Watch, row: list[float]) -> None:
+        incidents, at, stress = self.incidents, watch.held_at, self._pace.ratio
+        if row[LOST]:
+            incidents.note("traction_lost", i, at, -row[SIZE], most=row[MOST], f=row[SIZE])
+        if row[PLACE]:
+            self._unplaced[i] = self._judge_place(i, watch)
+        if row[LEANS]:
+            incidents.note("leaning", i, at, row[ANGLE], a=row[ANGLE])
+        if row[LIFTS]:
             incidents.note(
-                "over_lifted", i, at, stress,
-                p=100.0 * stress, m=float(hand.place[2]), most=100.0 * most,
+                "over_lifted", i, at, stress, p=100.0 * stress, m=float(hand.place[2]),
+                most=100.0 * incidents.limits["over_lifted"]["most"],
             )  # fmt: skip
 
-    def _judge_pace(self, seen: list[list[float]], *, parted: bool) -> None:
-        """Judge how fast the wall is loaded, by the hand whose motion does most work on it."""
-        i = int(seen[1][WORK] > seen[0][WORK])
-        size, work, speed = seen[i][SIZE], seen[i][WORK], seen[i][PULL_SPEED]
-        # What jaws and swabs press is an error of its own.
-        held = self._duct.hands[i].node is not None
-        if not held or size <= self._least_pull:
-            return
-        if work > size * LEAST_SPEED * PULL_TICKS * TICK_SECONDS:
-            self._pace.judge(i, self._watches[i].held_at, speed, parted=parted)
+    def _judge_place(self, i: int, watch: _Watch) -> bool:
+        """Judge where a hold was taken, once it pulls, and how far the front has run from it.
 
-    def _judge_lean(self, i: int, watch: _Watch, pull: list[float]) -> None:
-        """Judge whether a duct is pulled straight off its bed."""
-        incidents, lean = self.incidents, self.incidents.limits["leaning"]
-        angle = math.degrees(math.atan2(abs(pull[1]), pull[2]))
-        leans = angle > lean["angle"] and math.hypot(*pull) > lean["pull"]
-        watch.leaning = watch.leaning + 1 if leans else 0
-        if watch.leaning * TICK_SECONDS > lean["seconds"]:
-            incidents.note("leaning", i, watch.held_at, angle, a=angle)
-
-    def _judge_place(self, i: int, watch: _Watch) -> None:
-        """Judge where a hold was taken, once it pulls, and how far the front has run from it."""
+        Returns
+        -------
+        bool
+            Whether it has run too far, which goes on with each tick of the hold.
+        """
         incidents, limits = self.incidents, self.incidents.limits
         at, away = watch.held_at, watch.front_away
         if away is None:
-            return
+            return False
         now, front = self._front(at)
         if not watch.judged:
             watch.judged = True
@@ -622,8 +656,10 @@ class ErrorFinder:
                 incidents.note("ahead_of_front", i, at, x=at, d=away, front=front)
             elif -away > limits["behind_front"]["far"]:
                 incidents.note("behind_front", i, at, x=at, d=-away, front=front)
-        if now is not None and min(0.0, away) - now > limits["one_go"]["far"]:
+        runs = now is not None and min(0.0, away) - now > limits["one_go"]["far"]
+        if now is not None and runs:
             incidents.note("one_go", i, at, -now, d=-now)
+        return runs
 
 
 def _safety_of(tissue: SpatialTissue) -> Safety | None:
@@ -640,21 +676,64 @@ def _norm(x: float, y: float, z: float) -> float:
 
 
 @kernel()
+def _away(a: Floats, b: Floats) -> float:
+    return _norm(a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+@kernel()
+def _look_at_hold(
+    row: Floats, height: float, dissected: bool, stress: float, limits: _Limits
+) -> None:
+    """Judge a hold at a height, mm, where strands are being parted by the other hand or not."""
+    size, most = row[SIZE], row[MOST]
+    down = row[HIGHEST] - height
+    lost = most > limits.lost_pull and size < limits.lost_part * most and down > limits.lost_down
+    row[LOST] = dissected and lost
+    if size <= limits.pull:
+        return
+    x, y, z = row[PULL], row[PULL + 1], row[PULL + 2]
+    row[ANGLE] = math.degrees(math.atan2(abs(y), z))
+    leans = row[ANGLE] > limits.angle and _norm(x, y, z) > limits.leaning_pull
+    row[LEANING] = row[LEANING] + 1.0 if leans else 0.0
+    row[LEANS] = row[LEANING] * TICK_SECONDS > limits.leaning
+    row[LIFTS] = stress > limits.lifted
+
+
+@kernel()
+def _look_at_instrument(
+    row: Floats, track: Floats, dissects: bool, held: bool, limits: _Limits
+) -> None:
+    """Judge jaws or a swab, while a hand holds the duct or none does."""
+    parted, speed = row[PARTED], row[TIP_SPEED] if row[TOUCHING] > 0.0 else 0.0
+    if parted > 0.0:
+        now, before = track[SHIFT_TICKS], track[0]
+        # Jaws open where they part farther than their tip moves.
+        opened = now[OPENING] - before[OPENING]
+        row[FAST] = speed > limits.fast and parted >= limits.fast_strands
+        row[JUMPS] = row[OPENS] > limits.jump
+        row[ALONE] = limits.alone and not held
+        row[PLOUGHS] = dissects and opened <= max(0.3, _away(now, before))
+    row[STABS] = speed > limits.stab
+    row[PRESSES] = row[PRESS] > limits.press
+
+
+@kernel()
 def _look(
     damage: Floats, before: Floats, side: Bytes, press: Floats, rods: tuple[int, int],
     holds: tuple[bool, bool], places: tuple[Floats, Floats], openings: tuple[float, float],
-    forces: tuple[float, ...], least_pull: float, tracks: Floats, presses: Floats, turned: Floats,
-    seen: Floats,
+    forces: tuple[float, ...], dissects: tuple[bool, bool], unplaced: tuple[bool, bool],
+    stress: float, several: bool, scoped: bool, pose: tuple[float, ...], limits: _Limits,
+    tracks: Floats, presses: Floats, turned: Floats, ratios: Floats, seen: Floats,
 ) -> tuple[int, bool]:  # fmt: skip
-    """Write what a tick shows of the hands.
+    """Write what a tick shows of the hands, and which conditions hold of them.
 
     Returns
     -------
     tuple[int, bool]
-        How many strands parted, and whether hands are to be judged: those that touch and part
-        nothing, go straight on and pull less than `least_pull` are not.
+        How many strands parted, and whether any condition holds or a hand has turned back.
     """
     # A strand that touches both of a hand's rods is counted twice among those that touch.
+    take_ratio(ratios, stress)
     for i in range(HANDS):
         first, last = 2 * i, 2 * i + rods[i]
         track, row = tracks[i], seen[i]
@@ -679,10 +758,8 @@ def _look(
             work += forces[3 * i + r] * (now[r] - pull[r])
         size = _norm(forces[3 * i], forces[3 * i + 1], forces[3 * i + 2])
         row[SIZE], row[WORK] = size, work
-        far = _norm(now[0] - tip[0], now[1] - tip[1], now[2] - tip[2])
-        row[TIP_SPEED] = far / (TIP_TICKS * TICK_SECONDS)
-        far = _norm(now[0] - pull[0], now[1] - pull[1], now[2] - pull[2])
-        row[PULL_SPEED] = far / (PULL_TICKS * TICK_SECONDS)
+        row[TIP_SPEED] = _away(now, tip) / (TIP_TICKS * TICK_SECONDS)
+        row[PULL_SPEED] = _away(now, pull) / (PULL_TICKS * TICK_SECONDS)
         row[OPENS] = (now[OPENING] - tip[OPENING]) / (TIP_TICKS * TICK_SECONDS)
         if holds[i]:
             row[MOST], row[HIGHEST] = max(row[MOST], size), max(row[HIGHEST], now[2])
@@ -717,15 +794,36 @@ def _look(
                         seen[i, GOING] += 1.0
                         break
         before[s] = damage[s]
-    striking = False
+    due = False
     for i in range(HANDS):
         row = seen[i]
-        striking |= row[TURNS] != 0.0
-        if holds[i]:
-            striking |= row[SIZE] > least_pull or seen[1 - i, GOING] > 0.0
-        else:
-            striking |= row[TOUCHING] != 0.0 or row[PARTED] != 0.0 or row[PRESS] != 0.0
-    return parted, striking
+        for c in range(FAST, PACE + 1):
+            row[c] = 0.0
+        if not holds[i]:
+            _look_at_instrument(row, tracks[i], dissects[i], holds[0] or holds[1], limits)
+        # What holds an anatomy's tubes has no one front, a hold may not be what loads a wall, and
+        # what is taut is let back while the other hand parts tissue.
+        elif not several:
+            _look_at_hold(row, places[i][2], seen[1 - i, GOING] > 0.0, stress, limits)
+            row[PLACE] = row[SIZE] > limits.pull and unplaced[i] and rods[1 - i] == 0
+        if scoped:
+            acts = row[SIZE] > limits.hidden_pull or row[TOUCHING] > 0.0
+            moves = row[TIP_SPEED] > LEAST_SPEED or row[OPENS] != 0.0
+            unseen = acts and moves and not in_picture(pose, places[i])
+            row[UNSEEN] = row[UNSEEN] + 1.0 if unseen else 0.0
+            row[HIDDEN] = row[UNSEEN] * TICK_SECONDS > limits.hidden
+    # The wall is loaded by the hand whose motion does most work on it; what jaws and swabs press is
+    # an error of its own.
+    loads = 1 if seen[1, WORK] > seen[0, WORK] else 0
+    row = seen[loads]
+    least = row[SIZE] * LEAST_SPEED * PULL_TICKS * TICK_SECONDS
+    if holds[loads] and row[SIZE] > limits.pull and row[WORK] > least:
+        row[PACE] = judge(ratios, row[PULL_SPEED], parted > 0, limits.pace)
+    for i in range(HANDS):
+        due |= seen[i, TURNS] != 0.0
+        for c in range(FAST, PACE + 1):
+            due |= seen[i, c] != 0.0
+    return parted, due
 
 
 @kernel()

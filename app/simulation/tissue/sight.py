@@ -1,9 +1,11 @@
 """From where a duct or an anatomy is seen, and what of it."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
+
+from kernel_cache import kernel
 
 TOWARDS_VIEWER = np.array([0.0, -0.8, 0.6])
 """(3,) in the duct's frame, towards the camera of the standard view, as long as nobody moves it."""
@@ -18,8 +20,9 @@ FIELD_OF_VIEW = math.radians(60.0)
 _EDGE = math.cos(0.5 * FIELD_OF_VIEW)
 
 
-def in_picture(pose: Sequence[float], place: Sequence[float]) -> bool:
-    """Return whether a place, (3,) mm, is in the picture of a scope, by the numbers of a view."""
-    x, y, z = (place[r] - pose[3 + r] for r in range(3))
+@kernel()
+def in_picture(pose: tuple[float, ...], place: NDArray[np.float64]) -> bool:
+    """Return whether a place, (3,) mm, is in the picture of a scope, by six numbers of its view."""
+    x, y, z = place[0] - pose[3], place[1] - pose[4], place[2] - pose[5]
     deep = -(x * pose[0] + y * pose[1] + z * pose[2])
     return deep >= _EDGE * math.sqrt(x * x + y * y + z * z)

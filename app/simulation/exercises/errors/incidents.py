@@ -106,7 +106,8 @@ class Incidents:
 
     `number` has how many there are of each class. `limits` are parameters by class and key, without
     a tissue only those that are not derived from one. `named` has the keys of those that an
-    exercise names. `followed` are those of the last second, of which something may still come.
+    exercise names, `ignored` of those that count only if they are named. `followed` are those of
+    the last second, of which something may still come.
     """
 
     def __init__(self, tissue: Conditions | None, named: Mapping[str, float]) -> None:
@@ -118,7 +119,7 @@ class Incidents:
             }
             for each in ERROR_CLASSES.values()
         }
-        self._ignored = tuple(
+        self.ignored = tuple(
             each.key for each in ERROR_CLASSES.values() if each.if_named and each.key not in named
         )
         self.number: dict[str, int] = {}
@@ -142,7 +143,7 @@ class Incidents:
 
         `parted` strands are added up over the incident, as the value n.
         """
-        if error in self._ignored:
+        if error in self.ignored:
             return
         key = error, hand, None if ERROR_CLASSES[error].past_tubes else tube
         found = self._open.get(key)
