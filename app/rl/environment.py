@@ -1,5 +1,6 @@
 """`bluntdissect/Dissection-v0`: a dissection as an environment of Gymnasium, alone or N at once."""
 
+import math
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +18,7 @@ from app.compiling import say_when_compiling
 from app.rl.episode import Episode, Observation
 from app.rl.task import Task
 from app.simulation import TICKS_PER_SECOND, RunFile
+from kernel_cache import SameTypes, kernel
 
 __all__ = ["DissectionEnv", "DissectionVectorEnv"]
 
@@ -26,14 +28,28 @@ Floats = NDArray[np.float64]
 def _checked(action: object, shape: tuple[int, ...]) -> Floats:
     """Return an action as finite numbers from -1 to 1, or raise Gymnasium's `InvalidAction`."""
     try:
-        found = np.asarray(action, dtype=np.float64)
+        found = np.array(action, dtype=np.float64, order="C")
     except (TypeError, ValueError) as reason:
         raise error.InvalidAction(f"an action must be numbers of shape {shape}: {reason}") from None
     if found.shape != shape:
         raise error.InvalidAction(f"an action must have shape {shape}, got {found.shape}")
-    if not np.isfinite(found).all():
+    if not _BOUND(found.reshape(-1)):
         raise error.InvalidAction(f"an action must be finite numbers, got {found.tolist()}")
-    return np.minimum(np.maximum(found, -1.0), 1.0)
+    return found
+
+
+@kernel()
+def _bound(action: Floats) -> bool:
+    """Bound an action to -1 to 1; return whether its numbers are finite, else it stays as it is."""
+    for each in action:
+        if not math.isfinite(each):
+            return False
+    for i in range(action.size):
+        action[i] = min(max(action[i], -1.0), 1.0)
+    return True
+
+
+_BOUND = SameTypes(_bound)
 
 
 def _bed_seed(task: Task, options: dict[str, Any] | None, draw: np.random.Generator) -> int:

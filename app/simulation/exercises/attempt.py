@@ -13,7 +13,7 @@ class Attempt:
     def __init__(self, exercise: Exercise, recorder: MetricsRecorder) -> None:
         self._exercise, self._recorder = exercise, recorder
         self._followed = exercise.goal.follow()
-        self._ticks = 0
+        self._ticks = self._errors = 0
         # Each limit: whether it is of a number of errors; and those that are not.
         self._limits = [(limit, limit.of in ERROR_CLASSES) for limit in exercise.limits]
         self._measured = [each for each in self._limits if not each[1]]
@@ -50,7 +50,9 @@ class Attempt:
     def _failure(self, *, reached: bool) -> str | None:
         """Return why this tick fails it, or None."""
         errors = self._recorder.errors
-        for limit, of_errors in self._limits if errors.number else self._measured:
+        # A number of errors is past its limit with a new one, or at the end.
+        new, self._errors = errors.total != self._errors, errors.total
+        for limit, of_errors in self._limits if new or reached else self._measured:
             number = errors.number.get(limit.of, 0) if of_errors else None
             if number == 0 or (limit.at_end and not reached):
                 continue

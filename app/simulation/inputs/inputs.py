@@ -1,6 +1,7 @@
 """Inputs: all that drives a session, from a page, a device, a script or a file."""
 
 from array import array
+from collections.abc import Sequence
 from typing import Literal, cast, get_args
 
 import msgspec
@@ -107,7 +108,7 @@ class InputLog:
         self.count = self._last = 0  # how many, and where the last one begins
         self._theories: list[Theory] = []
 
-    def note(self, tick: int, hand: int, kind: InputKind, *values: float | Theory) -> None:
+    def note(self, tick: int, hand: int, kind: InputKind, values: Sequence[float | Theory]) -> None:
         """Append an input; it may replace one of its hand and kind just before, in its tick."""
         if kind == "theory":
             values = tuple(self._number(each) for each in cast(tuple[Theory, ...], values))

@@ -1,6 +1,6 @@
 """A run in progress: its inputs, its measures and its exercise, tick by tick."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from app.simulation.exercises.attempt import Attempt, MetricsRecorder
 from app.simulation.exercises.errors import Incident
@@ -104,14 +104,14 @@ class Run:
         """End the run as it stands."""
         self._over = True
 
-    def note(self, hand: int, kind: InputKind, *values: float | Theory) -> None:
+    def note(self, hand: int, kind: InputKind, values: Sequence[float | Theory]) -> None:
         """Log an input; ignored before the start and once the run is over."""
         if self._start is None or self._over:
             return
         if self._log.count >= MOST_INPUTS:
             self.finish()
             return
-        self._log.note(self._recorder.ticks, hand, kind, *values)
+        self._log.note(self._recorder.ticks, hand, kind, values)
 
     def end_tick(self, *, over: bool) -> None:
         """Judge a tick whose measures are taken; the exercise's end or time end the run too."""
@@ -131,7 +131,7 @@ class Run:
     @property
     def errors(self) -> int:
         """How many there are."""
-        return sum(self._recorder.errors.number.values()) if self.started else 0
+        return self._recorder.errors.total if self.started else 0
 
     def cause(self) -> Incident | None:
         """Return the error of the last second that an end is put down to, if there was one."""

@@ -24,6 +24,8 @@ from kernel_cache import SameTypes, kernel
 from physics.bed.kernels import BEAM, DISSIPATED, ROD_WORK, WORK
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bytes = NDArray[np.int8]
 
 BESIDE_MM = 2.0
 """mm next to a free stretch whose strands are counted."""
@@ -105,7 +107,7 @@ class DissectionRecorder:
         self.ticks = 0
         self._hands, self._sums = np.zeros((HANDS, PLACE + 3)), np.zeros(RATIOS + RATE_TICKS)
         self._hands[:, HOLDING:ALONG], self._sums[TIME_TO_BREAK] = 1.0, math.inf
-        self._by_hand = [0] * HANDS
+        self._by_hand = np.zeros(HANDS, np.int64)
         self.out_of_sight = 0
         self._scope: tuple[float, ...] | None = None  # its view, once there is one
         self._unseen = self._levelled = 0  # ticks: a tip out of the picture; a horizon known
@@ -115,7 +117,7 @@ class DissectionRecorder:
         """Start on a duct at rest, whose bed may be opened already."""
         duct = self.duct
         self._started = True
-        self._whole = duct.beam.damage < 1.0
+        self._whole = duct.beam.state.damage < 1.0  # as the state has them
         self._before = self._broken = duct.broken
         _note_energies(duct.beam.state.sums, self._sums)
         self._hands[:, PLACE:] = [hand.place for hand in duct.hands]
@@ -166,32 +168,15 @@ class DissectionRecorder:
     def _take_broken(self) -> None:
         """Count the strands that parted in this tick: whose they are, whether they were seen."""
         duct, beam = self.duct, self.duct.beam
-        damage = beam.damage
-        new = np.flatnonzero((damage >= 1.0) & self._whole)
-        self._whole = damage < 1.0
-        ends, arms = beam.strand_ends(new), beam.strand_arms(new)
-        seen = (arms * duct.view).sum(axis=1) > 0.0
-        nearest = np.full(new.size, np.inf)
-        owner = np.zeros(new.size, dtype=np.int64)
-        for hand, holder in enumerate(duct.hands):
-            rods = duct.rods_of(hand)
-            away = np.abs(ends[:, 0] - holder.place[0])
-            away = np.maximum(away - 0.5 * holder.opening, 0.0)  # from the nearer jaw or between
-            if holder.node is not None or rods:
-                seen |= away <= WORKING_DISTANCE
-            touched = np.zeros(new.size, dtype=np.bool_)
-            for rod in rods:
-                touched |= beam.touched_by(rod, including_no_contact=not self.broken_by_touch)[new]
-            # A strand is its instrument's if one touches it, else that of the nearest hand that
-            # acts on the duct.
-            held = holder.node is not None
-            acts = self._hands[hand, ACTING] > 0.0 if self.broken_by_touch else held
-            away = np.where(touched, -1.0, away if acts else np.inf)
-            owner[away < nearest] = hand
-            nearest = np.minimum(nearest, away)
-        for hand in range(HANDS):
-            self._by_hand[hand] += int((owner == hand).sum())
-        self.out_of_sight += int((~seen).sum())
+        parted = beam.state.damage >= 1.0
+        new = np.flatnonzero(parted & self._whole)
+        self._whole = ~parted
+        which, (a, b) = beam.order[new], duct.hands
+        self.out_of_sight += _TAKE_NEW(
+            new, beam.state.side, beam.strand_ends(which), beam.strand_arms(which), duct.view,
+            (a.place, b.place), (a.opening, b.opening), (a.node is not None, b.node is not None),
+            duct.rod_counts, self.broken_by_touch, self._hands, self._by_hand,
+        )  # fmt: skip
 
     @property
     def errors(self) -> Incidents:
@@ -309,7 +294,7 @@ class DissectionRecorder:
         ),
         "strands": lambda self: self._whole.size - self._before,
         "strands_broken": lambda self: self._broken - self._before,
-        "strands_broken_by_hand": lambda self: tuple(self._by_hand),
+        "strands_broken_by_hand": lambda self: tuple(self._by_hand.tolist()),
         "strands_broken_by_instrument": lambda self: self._broken_by_rods,
         "strands_broken_out_of_sight": lambda self: self.out_of_sight,
         "peak_stress_ratio": lambda self: float(self._sums[PEAK]),
@@ -435,4 +420,35 @@ def _take_hands(
             hands[i, WORK_DONE] += (1.0 if count == 1.0 else weight) * done
 
 
-_TAKE = SameTypes(_take_hands)
+@kernel()
+def _take_new(
+    new: Ints, side: Bytes, ends: Floats, arms: Floats, view: Floats,
+    places: tuple[Floats, Floats], openings: tuple[float, float], held: tuple[bool, bool],
+    rods: tuple[int, int], by_touch: bool, hands: Floats, by_hand: Ints,
+) -> int:  # fmt: skip
+    """Count strands that have parted, with these ends and arms; return how many were not seen."""
+    # A strand is its instrument's if one touches it, else that of the nearest hand that acts on the
+    # duct.
+    unseen = 0
+    for k in range(new.size):
+        seen = arms[k, 0] * view[0] + arms[k, 1] * view[1] + arms[k, 2] * view[2] > 0.0
+        owner, nearest = 0, math.inf
+        for i in range(HANDS):
+            # From the nearer jaw, or between them.
+            away = max(abs(ends[k, 0] - places[i][0]) - 0.5 * openings[i], 0.0)
+            seen |= (held[i] or rods[i] > 0) and away <= WORKING_DISTANCE
+            touched = False
+            for rod in range(2 * i, 2 * i + rods[i]):
+                how = side[rod, new[k]]
+                touched |= how == 1 or how == -1 or (how != 0 and not by_touch)
+            acts = hands[i, ACTING] > 0.0 if by_touch else held[i]
+            if touched:
+                away = -1.0
+            if (touched or acts) and away < nearest:
+                owner, nearest = i, away
+        by_hand[owner] += 1
+        unseen += not seen
+    return unseen
+
+
+_TAKE, _TAKE_NEW = SameTypes(_take_hands), SameTypes(_take_new)

@@ -197,9 +197,9 @@ class Session:
             for hand, step in steps.items():
                 place, opened = tissue.lead(hand, step, self._begin_run)
                 if place is not None:
-                    self.run.note(hand, "move", *place)
+                    self.run.note(hand, "move", place)
                 if opened is not None:
-                    self.run.note(hand, opened[0], *opened[1])
+                    self.run.note(hand, *opened)
 
     def lift(self, deflection: float, hand: int = 0) -> None:
         """Lead the hand that holds a duct in a plane to a deflection of the grasp, mm.
@@ -283,7 +283,7 @@ class Session:
             applied = self.tissue.apply(hand, kind, values, self._begin_run)
             if applied is None:
                 return None
-            self.run.note(hand, applied[0], *applied[1])
+            self.run.note(hand, *applied)
             return applied[1]
 
     def _takes(self, kind: InputKind) -> bool:
@@ -459,7 +459,7 @@ class Session:
             if duct.tear is None:
                 duct.solve_by(model)
                 if self.run.started:
-                    self.run.note(0, "theory", theory)
+                    self.run.note(0, "theory", (theory,))
                 else:
                     self._new_run(self.run.exercise, self.run.feedback, self.run.exercise_inputs)
 
@@ -743,6 +743,6 @@ class Session:
         in_progress = self.tissue.renew()
         self.run.start(self.tissue.start())
         self._recorder.start()
-        for hand, (kind, values) in in_progress:
-            self.run.note(hand, kind, *values)
+        for hand, applied in in_progress:
+            self.run.note(hand, *applied)
         return True

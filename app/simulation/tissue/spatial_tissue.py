@@ -192,6 +192,8 @@ class SpatialTissue:
         self._rest = next(iter(self.tubes.network.tubes.values()))
         self.radius = float(self._rest.radius.mean())  # of the first tube, mm
         self.surface = self.tubes.surfaces[0]
+        # Of tubes that were asked for: of each strand its bin, and the most that hold a free bin.
+        self._bins: dict[int, tuple[NDArray[np.int64], Floats]] = {}
         # Hands go no farther than `REACH` beyond the frame's origin, the first tube and all others.
         places = [each.places for each in self.tubes.network.tubes.values()]
         ends = np.array([[0.0, 0.0, 0.0], [self.dissection.beam.span, 0.0, 0.0]])
@@ -1218,15 +1220,18 @@ class SpatialTissue:
         # Free is a bin of about `BIN_MM` of whose strands at least `FREED_FRACTION` have parted.
         span, surface = self.tubes.dissections[tube].beam.span, self.tubes.surfaces[tube]
         bins = max(1, round(span / BIN_MM))
-        length = self.tubes.network.tubes[self.tubes.names[tube]].span
-        place = (surface.strands.stations * (bins / length)).astype(np.int64)
-        place = np.minimum(place, bins - 1)
+        if tube not in self._bins:
+            length = self.tubes.network.tubes[self.tubes.names[tube]].span
+            place = (surface.strands.stations * (bins / length)).astype(np.int64)
+            place = np.minimum(place, bins - 1)
+            count = np.bincount(place, minlength=bins).astype(np.float64)
+            self._bins[tube] = place, (1.0 - FREED_FRACTION) * count
+        place, most = self._bins[tube]
         damage = self.beam.damage[self.tubes.strands_of[tube]]
-        whole = np.bincount(place, damage < 1.0, minlength=bins)
-        most = (1.0 - FREED_FRACTION) * np.bincount(place, minlength=bins)
-        free = np.concatenate([[False], whole <= most, [False]])
-        edges = np.flatnonzero(free[1:] != free[:-1]) * (span / bins)
-        return [(float(a), float(b)) for a, b in edges.reshape(-1, 2)]
+        free = np.zeros(bins + 2, np.bool_)
+        free[1:-1] = np.bincount(place[damage < 1.0], minlength=bins) <= most
+        edges: list[float] = (np.flatnonzero(free[1:] != free[:-1]) * (span / bins)).tolist()
+        return list(zip(edges[::2], edges[1::2], strict=True))
 
     def move(self, out: Floats, piece: int | None = None) -> Floats:
         """Write the (D, 3, 4) transforms of the driving points, of a torn duct's piece 0 or 1."""

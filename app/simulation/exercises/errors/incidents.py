@@ -104,10 +104,10 @@ class _Open:
 class Incidents:
     """The incidents of a run so far.
 
-    `number` has how many there are of each class. `limits` are parameters by class and key, without
-    a tissue only those that are not derived from one. `named` has the keys of those that an
-    exercise names, `ignored` of those that count only if they are named. `followed` are those of
-    the last second, of which something may still come.
+    `number` has how many there are of each class, `total` of all. `limits` are parameters by class
+    and key, without a tissue only those that are not derived from one. `named` has the keys of
+    those that an exercise names, `ignored` of those that count only if they are named. `followed`
+    are those of the last second, of which something may still come.
     """
 
     def __init__(self, tissue: Conditions | None, named: Mapping[str, float]) -> None:
@@ -123,6 +123,7 @@ class Incidents:
             each.key for each in ERROR_CLASSES.values() if each.if_named and each.key not in named
         )
         self.number: dict[str, int] = {}
+        self.total = 0
         self.tick = 0
         self._all: list[_Open] = []
         self._open: dict[tuple[str, int | None, int | None], _Open] = {}
@@ -152,6 +153,7 @@ class Incidents:
             self._all.append(found)
             self.followed.append(found)
             self.number[error] = self.number.get(error, 0) + 1
+            self.total += 1
         elif self.tick - found.end > FOLLOWED_TICKS:
             self.followed.append(found)
         found.end = self.tick
