@@ -12,8 +12,6 @@ from app.rl.episode import Episode
 from app.rl.policy import Answer, Policy
 from app.simulation import Session
 
-__all__ = ["Companion"]
-
 PATIENCE_S = 0.002
 LATE_S = 1.0
 """Most time for an action; then the policy is left."""

@@ -26,8 +26,6 @@ from app.versions import versions
 from app.workers import Progress, by_dask, by_processes
 from organ_geometry import write_atomic
 
-__all__ = ["Maker", "make_dataset"]
-
 MINARI = "0.5.4"
 """The version of Minari whose files these are."""
 

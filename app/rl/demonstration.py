@@ -11,8 +11,6 @@ from app.rl.environment import DissectionEnv
 from app.rl.episode import Observation
 from app.simulation import MANNERS, TICK_SECONDS, Instrument, Session, Technique
 
-__all__ = ["Demonstration", "demonstrate", "work"]
-
 Floats = NDArray[np.float64]
 Change = Callable[[Observation, Floats], Floats]
 """An observation and the action that hands would take there, to the action that is taken."""

@@ -20,8 +20,6 @@ from app.rl.task import Task
 from app.simulation import TICKS_PER_SECOND, RunFile
 from kernel_cache import SameTypes, kernel
 
-__all__ = ["DissectionEnv", "DissectionVectorEnv"]
-
 Floats = NDArray[np.float64]
 
 

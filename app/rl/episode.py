@@ -21,8 +21,6 @@ from kernel_cache import SameTypes, kernel
 from physics import NoEquilibrium
 from physics.bed import BeamOnBed
 
-__all__ = ["Episode", "Observation"]
-
 REACH_MM = 4.0
 """How far from the duct's axis a tip may be that takes hold: about the duct's radius."""
 

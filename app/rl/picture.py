@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from app.simulation import HANDS, TOWARDS_HAND, SpatialTissue
 from kernel_cache import njit
 
-__all__ = ["TOWARDS_VIEWER", "Camera", "Pose"]
-
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Pose = tuple[tuple[float, float, float], tuple[float, float, float]]

@@ -20,8 +20,6 @@ from app.bounded_file import read_bounded
 from app.rl.episode import Episode, Observation
 from app.rl.task import Task
 
-__all__ = ["Answer", "Policy"]
-
 MOST_BYTES = 100_000_000
 KINDS = {"tensor(float)": "float32", "tensor(uint8)": "uint8"}
 

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from kernel_cache import SameTypes, kernel
 from physics.bed import BeamOnBed
 
-__all__ = ["StateRow"]
-
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 

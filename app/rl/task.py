@@ -38,8 +38,6 @@ from app.simulation import (
 from assets import BILE_DUCT
 from organ_geometry import read_organ
 
-__all__ = ["ACTIONS", "AT_ANATOMY", "OBSERVATIONS", "PIXELS", "REWARDS", "SEEDS", "Number", "Task"]
-
 SEEDS = tuple(range(1, 21))
 """Seeds of beds to learn on; those from 21 on are kept to judge by."""
 PIXELS = "pixels"

@@ -33,8 +33,6 @@ from app.simulation.tissue.spatial_tissue import LEAST_FLOW, Event, SpatialTissu
 from kernel_cache import SameTypes, kernel
 from physics.bed.kernels import SHAFT, TIP
 
-__all__ = ["ErrorFinder"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.int8]

@@ -33,8 +33,6 @@ from app.simulation.tissue.jaw_steps import IN_RING_MM, RIGHT, TAUT, JawSteps, t
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.safety import Safety
 
-__all__ = ["Guidance"]
-
 Floats = NDArray[np.float64]
 Three = tuple[float, float, float]
 

@@ -32,11 +32,6 @@ from app.simulation import (
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
 
-__all__ = [
-    "CLOSES_MM_S", "HOLDS_MM_S", "JUDGED_TICKS", "NOT_IN_RING", "RISES", "SPREAD", "STOPS_AT",
-    "ScopeLead",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 
 HOLDS_MM_S = 8.0

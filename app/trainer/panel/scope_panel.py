@@ -53,8 +53,6 @@ from app.trainer.panel.result_page import show_result
 from app.trainer.panel.scenes import add_scenes
 from app.trainer.viser_bridge.page import announce, bring_in, open_tab, take_arrows
 
-__all__ = ["ScopePanel"]
-
 GOAL = (
     "Clear fat and loose tissue from the triangle between gallbladder, cystic duct and common "
     "duct, until you see two tubes alone run into the gallbladder. Tear nothing."

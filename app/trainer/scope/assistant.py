@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from app.trainer.scope.pose import Laparoscope, Pose
 
-__all__ = ["Assistant"]
-
 Floats = NDArray[np.float64]
 
 INNER = 0.75

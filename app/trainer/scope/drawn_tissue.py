@@ -12,8 +12,6 @@ from app.trainer.scope.packing import DrawnHand, Frame, Well
 from app.trainer.scope.picture import ScopePicture
 from app.trainer.scope.pose import Laparoscope, Pose
 
-__all__ = ["draw_tissue", "picture_of"]
-
 INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
 JAWS_APART = 3.0
 """mm between the ends of jaws that hold a wall."""

@@ -12,8 +12,6 @@ from app.trainer.scope.assistant import Assistant
 from app.trainer.scope.pose import OBLIQUE, Camera, Laparoscope, Pose
 from app.trainer.scope.surroundings import working_place
 
-__all__ = ["HeldScope"]
-
 Floats = NDArray[np.float64]
 
 # From the navel to the triangle, and what is up in the picture: towards the head.

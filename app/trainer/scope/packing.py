@@ -16,20 +16,6 @@ from app.trainer.scope.pose import Pose
 from kernel_cache import SameTypes, njit
 from physics.bed import BeamOnBed, kernels
 
-__all__ = [
-    "CLIPS",
-    "HANDS",
-    "HEADER",
-    "NICKS",
-    "TEARS",
-    "WELLS",
-    "DrawnHand",
-    "Frame",
-    "Packing",
-    "Well",
-    "packed_tautness",
-]
-
 Floats32 = NDArray[np.float32]
 
 HEADER = 85

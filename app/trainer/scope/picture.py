@@ -26,8 +26,6 @@ from app.trainer.viser_bridge.fast_transport import stream
 from app.trainer.viser_bridge.page import file_text, float32_text, run_function, run_picture
 from physics.bed import BeamOnBed
 
-__all__ = ["ScopePicture"]
-
 NODE = "/scope/state"
 PAGE = Path(__file__).with_name("page")
 SCRIPTS = (

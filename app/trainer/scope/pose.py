@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from app.simulation import FIELD_OF_VIEW
 
-__all__ = ["OBLIQUE", "Camera", "Laparoscope", "Pose"]
-
 Floats = NDArray[np.float64]
 
 OBLIQUE = math.radians(30.0)

@@ -17,8 +17,6 @@ from app.trainer.stage.lighting import Look
 from app.trainer.viser_bridge.page import run_function
 from app.trainer.viser_bridge.private_api import page_number
 
-__all__ = ["ScopeScene"]
-
 Floats = NDArray[np.float64]
 
 WARNED_FROM, WARNED_EACH = 0.8, 0.05

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from app.anatomy import AnatomyNetwork
 from physics.bed import BeamOnBed, kernels
 
-__all__ = ["Floor", "film_runs", "floor_under", "strand_table", "working_place"]
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 

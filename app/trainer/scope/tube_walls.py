@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from app.simulation import Dissection
 from physics.bed import SpaceBeam
 
-__all__ = ["RINGS", "SIDES", "round_wall", "tube_wall"]
-
 Floats = NDArray[np.float64]
 
 RINGS, SIDES = 3, 18

@@ -12,8 +12,6 @@ from typing import NamedTuple
 from app.simulation.inputs.clock import REACTION_SECONDS
 from app.simulation.inputs.hand import GRIP_N
 
-__all__ = ["CLOSED_AFTER", "ERROR_CLASSES", "MODES", "Conditions", "ErrorClass", "Parameter"]
-
 CLOSED_AFTER = 0.4
 """s without its condition after which an incident is over."""
 

@@ -9,8 +9,6 @@ import msgspec
 from app.simulation.exercises.errors.classes import CLOSED_AFTER, ERROR_CLASSES, Conditions
 from app.simulation.inputs.clock import TICK_SECONDS
 
-__all__ = ["CONSEQUENCES", "Consequence", "Incident", "Incidents", "Values", "cause_of"]
-
 Consequence = Literal["none", "near miss", "minor", "injury"]
 """Measured, up to 1 s after an incident. Near miss: the stress passed the exercise's limit, or the
 break was nearer than a reaction time; minor: strands parted out of sight, or a wall tore in part;

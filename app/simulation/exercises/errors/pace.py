@@ -11,10 +11,6 @@ from app.simulation.exercises.errors.incidents import Incidents
 from app.simulation.inputs.clock import REACTION_SECONDS, TICK_SECONDS
 from kernel_cache import kernel
 
-__all__ = [
-    "LEAST_SPEED", "PULL_TICKS", "Pace", "PaceLimits", "PullErrorFinder", "judge", "take_ratio",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 
 PULL_TICKS, NEAR_TICKS = 4, 10
