@@ -11,12 +11,13 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 import viser
-from simulated import bed_session, phantom
+from simulated import bed_session, phantom, pull_session
 
 from app.simulation import Incident, Series, Session
 from app.trainer.panel.controls import on_work
 from app.trainer.panel.debrief import Debrief, Done
 from app.trainer.panel.exercise_tab import AWAITED, NONE, ExerciseTab
+from app.trainer.panel.force_box import ForceBox
 from app.trainer.panel.last_seconds import IDLE_SECONDS, SECONDS, LastSeconds
 from app.trainer.panel.measures_table import measures_html
 
@@ -119,3 +120,26 @@ def test_errors_close_together_are_marked_and_only_the_first_is_numbered(gui: vi
     assert drawn.count("<rect") == len(found)
     marks = re.findall(r"<rect.*?<text[^>]*>(\d*)</text>", drawn)
     assert marks == ["1", "", "3", "4"]  # the other hand has a row of its own
+
+
+def test_a_force_that_a_page_has_set_is_not_set_back_before_it_is_taken(gui: viser.GuiApi) -> None:
+    session, state = pull_session(phantom()), MagicMock()
+    state.session, state.playback, state.pulls = session, None, 0
+    box = ForceBox(gui, state)
+    slider = box._force
+    box.show(session.reading())
+    slider._impl.value = 2.0  # by viser, which calls back next
+    state.pulls += 1  # and something else gives reason to set the sliders
+    box.show(session.reading())
+    assert slider.value == 2.0
+    box._take_force(2.0)
+    state.set_target_force.assert_called_once_with(2.0)
+    session.set_target_force(2.0)
+    box.show(session.reading())
+    assert slider.value == 2.0
+    # What is not taken, as of a slider that is disabled, is set back.
+    slider._impl.value = 3.0
+    state.pulls += 1
+    box.show(session.reading())
+    box.show(session.reading())
+    assert slider.value == 2.0

@@ -44,6 +44,8 @@ class ForceBox:
         self._model: object = None
         self._cause: object = None
         self._set_at = -CROSSING_SECONDS
+        self._known = self._force.value  # that was set here, or taken
+        self._waited = False
 
         on_input(self._force, lambda value: self._take_force(number(value)))
         on_input(self._grasp, lambda value: session.set_grasp(number(value)))
@@ -51,6 +53,7 @@ class ForceBox:
 
     def _take_force(self, force: float) -> None:
         """Pull with the force of the slider."""
+        self._known = force
         self._state.set_target_force(force)
         if time.monotonic() - self._set_at < CROSSING_SECONDS:
             # The page may have taken the force set here after its own: it is sent what acts. viser
@@ -102,7 +105,11 @@ class ForceBox:
         cause = (self._state.pulls, live, visible, reading.by_hand)
         if cause == self._cause and not reading.by_hand:
             return
-        self._cause = cause
+        # What the page has set and is not yet taken is not set back: it has a frame's time for it.
+        if self._force.value != self._known and not self._waited:
+            self._waited = True
+            return
+        self._cause, self._waited = cause, False
         wanted = session.planar.grasper.slider_force if live and visible else 0.0
         step = self._force.step
         force = min(max(round(wanted / step) * step, 0.0), self._force.max)
@@ -113,6 +120,7 @@ class ForceBox:
         if abs(self._force.value - force) > 1e-9:  # more than the page's rounding of its own value
             self._force.value = force
             self._set_at = time.monotonic()
+        self._known = self._force.value
 
 
 def _force_step(limit: float) -> float:
