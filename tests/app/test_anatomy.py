@@ -27,7 +27,7 @@ from app.simulation import bed_presets
 
 SHIPPED = shipped_anatomies()
 NORMAL = SHIPPED["normal"].read_text()
-CASES = (60, pytest.param(200, marks=pytest.mark.long))
+CASES = (20, pytest.param(200, marks=pytest.mark.long))
 """How many drawn cases are looked at."""
 SIGMAS = 4.0
 """Of a count or a mean over the seeds: by chance, one of 16,000 is further off."""

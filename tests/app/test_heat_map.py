@@ -62,7 +62,7 @@ def test_key_has_the_same_colours_unit_and_break() -> None:
             heat_legend_html(bad)
 
 
-@pytest.mark.parametrize("look", ["full", pytest.param("plain", marks=pytest.mark.long)])
+@pytest.mark.parametrize("look", ["plain", pytest.param("full", marks=pytest.mark.long)])
 def test_page_shows_the_colour_of_the_stress(
     drawing_browser: Browser, monkeypatch: pytest.MonkeyPatch, look: Look
 ) -> None:

@@ -246,7 +246,10 @@ def test_the_sheet_is_dark_beside_the_duodenum(calot: Trainer, browser: Browser)
         assert far > 0.9
 
 
-@pytest.mark.parametrize("size", [(390, 844), (640, 400)], ids=["phone", "zoomed to 200 %"])
+@pytest.mark.parametrize(
+    "size", [(390, 844), pytest.param((640, 400), marks=pytest.mark.long)],
+    ids=["phone", "zoomed to 200 %"],
+)  # fmt: skip
 def test_the_panel_at_an_anatomy_is_for_everyone(
     calot: Trainer, drawing_browser: Browser, size: tuple[int, int]
 ) -> None:

@@ -126,6 +126,7 @@ def _drawn_gap(tab: TrainerPage) -> float:
     return _gap(tab.vertices("first_piece"), tab.vertices("second_piece"))
 
 
+@pytest.mark.long  # as two pages of another scene
 def test_two_tabs_are_two_ducts(browser: Browser, trainer: Trainer) -> None:
     with (
         trainer_page(browser, trainer.address, width=640, height=480) as one,

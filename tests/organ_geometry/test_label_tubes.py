@@ -51,7 +51,7 @@ def found_fork(angle: float, portion: int, turned: bool) -> tuple[LabelTubes, Fl
     return tubes_of_labels(volume, NAMES), turn
 
 
-@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("turned", [True, pytest.param(False, marks=pytest.mark.long)])
 @pytest.mark.parametrize("portion", [2, 4, pytest.param(8, marks=pytest.mark.long)])
 @pytest.mark.parametrize("angle", [40.0, pytest.param(70.0, marks=pytest.mark.long)])
 def test_a_fork_s_joins_angles_and_radii_converge(angle: float, portion: int, turned: bool) -> None:
