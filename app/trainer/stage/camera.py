@@ -16,7 +16,7 @@ TOWARDS_VIEWER = np.array([0.0, -np.cos(ELEVATION), np.sin(ELEVATION)])
 """(3,) from the stage towards the camera when it is framed."""
 _MARGIN = 0.93  # part of the picture's half height and half width that may be filled
 _NARROW = 0.8  # width by height below which it is a phone held upright
-_NARROW_SHIFT = 0.58  # of the half height, that the duct is moved up above a phone's panel
+_NARROW_SHIFT = 0.585  # of the half height, that the duct is moved up above a phone's panel
 _LIFT = 0.30  # height of the lifted middle, in spans
 
 
