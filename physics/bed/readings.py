@@ -217,12 +217,10 @@ class Readings:
         out[on_tubes] = s.x[others[at[on_tubes]]] + arms
         return out
 
-    def touched_by(self, rod: int, *, including_no_contact: bool = False) -> NDArray[np.bool_]:
+    def touched_by(self, rod: int) -> NDArray[np.bool_]:
         """(S,) whether each strand touches a rod, or did so when it parted."""
-        # `including_no_contact`: also those that it has not met, or that have slipped off.
         out = np.empty(self.strands.count, dtype=np.bool_)
-        side = self.state.side[rod]
-        out[self.order] = side != 0 if including_no_contact else np.abs(side) == 1
+        out[self.order] = np.abs(self.state.side[rod]) == 1
         return out
 
     def hand_force(self, node: int) -> Floats:

@@ -18,7 +18,7 @@ from app.simulation.runs.run_file import HANDS
 from app.simulation.session.error_finder import ErrorFinder
 from app.simulation.session.measures import RATE_SECONDS, RATE_TICKS
 from app.simulation.tissue.safety import Safety
-from app.simulation.tissue.sight import WORKING_DISTANCE, in_picture
+from app.simulation.tissue.sight import LINE_OF_SIGHT, WORKING_DISTANCE, in_picture
 from app.simulation.tissue.spatial_tissue import LEAST_FLOW, SpatialTissue
 from kernel_cache import SameTypes, kernel
 from physics.bed.kernels import BEAM, DISSIPATED, ROD_WORK, WORK
@@ -160,7 +160,8 @@ class DissectionRecorder:
         before, self._scope = self._scope, pose
         if before is not None and before is not pose:
             self._scope_path += _size([b - a for a, b in zip(before[3:6], pose[3:6], strict=True)])
-        self._unseen += not all(in_picture(pose[:6], hand.place) for hand in self.duct.hands)
+        sight = pose[:LINE_OF_SIGHT]
+        self._unseen += not all(in_picture(sight, hand.place) for hand in self.duct.hands)
         if len(pose) > SCOPE_NUMBERS:
             self._levelled += 1
             self._rolled += abs(pose[SCOPE_NUMBERS])

@@ -28,7 +28,7 @@ from app.simulation.inputs.hand import MEAN_PULL, Hand
 from app.simulation.inputs.inputs import HOLDING, SCOPE_NUMBERS
 from app.simulation.runs.run_file import HANDS
 from app.simulation.tissue.safety import Safety
-from app.simulation.tissue.sight import in_picture
+from app.simulation.tissue.sight import LINE_OF_SIGHT, in_picture
 from app.simulation.tissue.spatial_tissue import LEAST_FLOW, Event, SpatialTissue
 from kernel_cache import SameTypes, kernel
 from physics.bed.kernels import SHAFT, TIP
@@ -70,8 +70,6 @@ PACE, PULL, SEEN = 26, 27, 30
 """Columns of its pace, and of the mean pull of a hold, (3,) N; how many there are."""
 OPENING = 3
 """Column of a hand's track after its place."""
-LINE_OF_SIGHT = 6
-"""Numbers of a view by which it is known what is in the picture."""
 NO_SCOPE = (0.0,) * LINE_OF_SIGHT
 
 
@@ -205,7 +203,7 @@ class ErrorFinder:
             self._start_track(i)
         self._pace = Pace(self.incidents)
         self._limits = _Limits.of(self.incidents, self._pace.limits)
-        self._stretches: list[Span] | None = None
+        self._stretches: list[Span] = []
         # Of each hand, whether the place of its hold is to be judged: until it has been, and again
         # where the free stretches have changed.
         self._unplaced = [True] * HANDS
@@ -613,7 +611,7 @@ class ErrorFinder:
         # none.
         span = self._duct.dissection.beam.span
         outside: list[tuple[float, float]] = []
-        for a, b in self._stretches or ():
+        for a, b in self._stretches:
             edges = [(abs(edge - at), edge) for edge in (a, b) if SAME < edge < span - SAME]
             if a - SAME <= at <= b + SAME:
                 far, edge = min(edges, default=(None, 0.0))

@@ -18,11 +18,13 @@ WORKING_DISTANCE = 5.0
 FIELD_OF_VIEW = math.radians(60.0)
 """From edge to edge of a scope's round picture, rad."""
 _EDGE = math.cos(0.5 * FIELD_OF_VIEW)
+LINE_OF_SIGHT = 6
+"""Numbers of a view by which it is known what is in the picture."""
 
 
 @kernel()
 def in_picture(pose: tuple[float, ...], place: NDArray[np.float64]) -> bool:
-    """Return whether a place, (3,) mm, is in the picture of a scope, by six numbers of its view."""
+    """Return whether a place, (3,) mm, is in the picture of a scope with this line of sight."""
     x, y, z = place[0] - pose[3], place[1] - pose[4], place[2] - pose[5]
     deep = -(x * pose[0] + y * pose[1] + z * pose[2])
     return deep >= _EDGE * math.sqrt(x * x + y * y + z * z)
