@@ -137,6 +137,13 @@ def test_a_force_that_a_page_has_set_is_not_set_back_before_it_is_taken(gui: vis
     session.set_target_force(2.0)
     box.show(session.reading())
     assert slider.value == 2.0
+    grasp = box._grasp
+    grasp._impl.value = 30.0
+    state.pulls += 1
+    box.show(session.reading())
+    assert grasp.value == 30.0
+    box._take_grasp(30.0)
+    assert session.planar.grasp == 30.0
     # What is not taken, as of a slider that is disabled, is set back.
     slider._impl.value = 3.0
     state.pulls += 1

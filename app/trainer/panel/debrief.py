@@ -361,8 +361,10 @@ def _timeline_html(
         start, stop = x(each.start_s), max(x(each.end_s), x(each.start_s) + 3.0)
         # The more important ones come first: where one stands, no other has room.
         beside_it = stop + 2.0
-        name = "" if any(abs(beside_it - at) < NUMBER for at in named[row]) else f"{number}"
-        named[row] += [beside_it] * bool(name)
+        name = ""
+        if all(abs(beside_it - at) >= NUMBER for at in named[row]):
+            name = f"{number}"
+            named[row].append(beside_it)
         phrases.append(
             f"<g data-command='{uuid}' style='cursor:pointer'>"
             f"<rect x='{start:.1f}' y='{top}' width='{stop - start:.1f}' height='{ROW - 5}' "

@@ -44,22 +44,30 @@ class ForceBox:
         self._model: object = None
         self._cause: object = None
         self._set_at = -CROSSING_SECONDS
-        self._known = self._force.value  # that was set here, or taken
-        self._waited = False
+        self._waited = False  # for what the page has set to be taken
 
         on_input(self._force, lambda value: self._take_force(number(value)))
-        on_input(self._grasp, lambda value: session.set_grasp(number(value)))
+        on_input(self._grasp, lambda value: self._take_grasp(number(value)))
         self.take_ranges()
 
     def _take_force(self, force: float) -> None:
         """Pull with the force of the slider."""
-        self._known = force
+        self._known = self._values
         self._state.set_target_force(force)
         if time.monotonic() - self._set_at < CROSSING_SECONDS:
             # The page may have taken the force set here after its own: it is sent what acts. viser
             # sends a value that has changed only, and of several the last.
             self._force.value = 0.0 if force > 0.0 else self._force.max
             self._force.value = force
+
+    def _take_grasp(self, at: float) -> None:
+        self._known = self._values
+        self._state.session.set_grasp(at)
+
+    @property
+    def _values(self) -> tuple[float, float]:
+        """What the sliders have: set here, or by the page and perhaps not yet taken."""
+        return self._force.value, self._grasp.value
 
     def take_ranges(self) -> None:
         """Bring the ranges of the inputs in line with the session's."""
@@ -76,6 +84,7 @@ class ForceBox:
         self._grasp.min, self._grasp.max = round(low, 1), round(high, 1)
         self._grasp.value = round(session.planar.grasp, 1)
         self._set_force(min(session.planar.grasper.slider_force, limit))
+        self._known = self._values
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
@@ -106,7 +115,7 @@ class ForceBox:
         if cause == self._cause and not reading.by_hand:
             return
         # What the page has set and is not yet taken is not set back: it has a frame's time for it.
-        if self._force.value != self._known and not self._waited:
+        if self._values != self._known and not self._waited:
             self._waited = True
             return
         self._cause, self._waited = cause, False
@@ -115,12 +124,12 @@ class ForceBox:
         force = min(max(round(wanted / step) * step, 0.0), self._force.max)
         self._set_force(force)
         set_if_changed(self._grasp, value=round(session.planar.grasp, 1))
+        self._known = self._values
 
     def _set_force(self, force: float) -> None:
         if abs(self._force.value - force) > 1e-9:  # more than the page's rounding of its own value
             self._force.value = force
             self._set_at = time.monotonic()
-        self._known = self._force.value
 
 
 def _force_step(limit: float) -> float:
