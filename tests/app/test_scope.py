@@ -20,6 +20,7 @@ from app.anatomy import (
 )
 from app.simulation import (
     FIELD_OF_VIEW,
+    GRIP_N,
     TICK_SECONDS,
     TROCARS,
     Dissection,
@@ -46,10 +47,14 @@ from app.simulation.tissue.guidance import EASED, STAGE_MM, STAGES
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import (
     BENT_STEADY,
+    CLOSED_ON,
     CLOSES_MM_S,
+    GRIPS_AT,
     HOLDS_MM_S,
     JUDGED_TICKS,
     NOT_IN_RING,
+    NOTCH_MM,
+    PUSHED,
     RISES,
     SPREAD,
     STEADY,
@@ -390,6 +395,72 @@ def test_a_flick_of_the_mouse_tears_nothing(lead: ScopeLead) -> None:
     assert hand.node is None
 
 
+def test_wheel_and_pointer_go_on_from_where_a_tip_is_led(lead: ScopeLead) -> None:
+    """Pictures may come late: what is led goes to the end, whatever is drawn meanwhile."""
+    session, camera = lead.session, lead.held.camera
+    hand = session.spatial.hands[0]
+    right, up = camera.axes.T[:2]
+
+    def ray(place: np.ndarray) -> list[float]:
+        return [*camera.tip, *0.1 * (place - camera.tip)]
+
+    def deeper(place: np.ndarray, notches: float) -> np.ndarray:
+        return place - NOTCH_MM * notches * TROCARS[0].shaft(place)
+
+    # Notches add up to a press on the picture, before the tip is there and after the button is up.
+    start = hand.place.copy()
+    under = start + 6.0 * right + 4.0 * up
+    lead.press(*ray(under))
+    lead.stop()
+    lead.wheel(1.0)
+    lead.wheel(2.0)
+    pass_time(lead, session, 3.0)
+    there = deeper(under, 3.0)
+    assert hand.place == pytest.approx(there, abs=0.02)
+    # A press takes it aside at the depth to which it is led, and a drag goes on from there.
+    lead.wheel(-2.0)
+    led = deeper(there, -2.0)
+    lead.press(*ray(led - 3.0 * right))
+    lead.drag(*ray(led - 8.0 * right))
+    lead.wheel(1.0)
+    pointed = ray(led - 10.0 * right)
+    lead.drag(*pointed)
+    pass_time(lead, session, 3.0)
+    assert hand.place == pytest.approx(deeper(led - 8.0 * right, 1.0) - 2.0 * right, abs=0.1)
+    # By its handle it goes the other way, and a notch is one all the same.
+    lead.by_handle = True
+    before, shaft = hand.place.copy(), TROCARS[0].shaft(hand.place)
+    lead.press(*pointed)
+    lead.drag(*ray(before + 2.0 * up))
+    lead.stop()
+    lead.wheel(1.0)
+    pass_time(lead, session, 2.0)
+    moved = hand.place - before
+    assert moved @ up < -0.5
+    assert moved @ shaft == pytest.approx(-NOTCH_MM, abs=0.1)
+    lead.drag(*ray(before))  # no pointer is pressed any more
+    pass_time(lead, session, 1.0)
+    assert hand.place == pytest.approx(before + moved, abs=0.02)
+
+
+def test_what_is_held_is_led_from_where_it_is(lead: ScopeLead) -> None:
+    """A press beside it does not pull, and a drag pulls by as much as the pointer goes."""
+    session, tissue, camera = lead.session, lead.session.spatial, lead.held.camera
+    session.grab(0, 14.0, tissue.tubes.names.index("gallbladder"))
+    hand = tissue.hands[0]
+    start, aside = hand.target.copy(), 7.0 * camera.axes[:, 0]
+
+    def ray(place: np.ndarray) -> list[float]:
+        return [*camera.tip, *(place - camera.tip)]
+
+    lead.press(*ray(hand.tip + aside))
+    pass_time(lead, session, 0.5)
+    assert hand.target == pytest.approx(start)
+    lead.drag(*ray(hand.tip + aside + 2.0 * camera.axes[:, 1]))
+    pass_time(lead, session, 1.0)
+    assert hand.target - start == pytest.approx(2.0 * camera.axes[:, 1], abs=0.2)
+
+
 def test_a_hold_that_is_lost_is_told(lead: ScopeLead) -> None:
     session, state = lead.session, lead._state
     lead.lead_hand(
@@ -431,6 +502,57 @@ def test_jaws_part_at_once_but_are_not_thrown_open(lead: ScopeLead) -> None:
     lead.use_instrument()  # before they are wide apart
     assert quickest(60) <= CLOSES_MM_S * (1 + 1e-9)
     assert hand.opening == 0.0
+
+
+def test_jaws_that_close_on_a_wall_wait_until_they_are_drawn_off_it(lead: ScopeLead) -> None:
+    """They crush nothing, and close by themselves then."""
+    session, tissue = lead.session, lead.session.spatial
+    lead.choose(1)
+    duct, next_to = tissue.beam.places_at(np.array([12.0, 13.0]), "cystic")
+    shaft = TROCARS[1].shaft(duct)
+    lead.lead_hand(duct + 12.0 * shaft)
+    pass_time(lead, session, 3.0)
+    session.spread(1, np.cross(shaft, next_to - duct).tolist())
+    lead.open_more(9.0)
+    pass_time(lead, session, 2.5)
+    lead.lead_hand(duct - 3.0 * shaft)
+    pass_time(lead, session, 4.0)
+    hand = tissue.hands[1]
+    lead.use_instrument()
+    pass_time(lead, session, 3.0)
+    assert hand.opening > 0.0
+    assert STOPS_AT < tissue.stress_ratio < 0.9
+    advice, title = cast(MagicMock, lead._state.client.add_notification).call_args.args[::-1]
+    assert advice == CLOSED_ON
+    assert title == "Stopped: the cystic duct nears its break"
+    lead.lead_hand(hand.place + 12.0 * shaft)
+    pass_time(lead, session, 3.0)
+    assert hand.opening == 0.0
+    assert tissue.events == []
+
+
+def test_jaws_push_no_harder_than_a_grasper_holds(lead: ScopeLead) -> None:
+    """Else what still holds the gallbladder gives way at once, and its artery takes the pull."""
+    session, tissue = lead.session, lead.session.spatial
+    session.grab(0, 14.0, tissue.tubes.names.index("gallbladder"))
+    here, next_to = tissue.beam.places_at(np.array([14.0, 16.0]), "gallbladder")
+    lead.choose(1)
+    place = here + np.array([9.7, 2.6, 3.9])  # between it and the liver
+    lead.lead_hand(place + 15.0 * TROCARS[1].shaft(place))
+    pass_time(lead, session, 4.0)
+    lead.lead_hand(place)
+    pass_time(lead, session, 4.0)
+    session.spread(1, (next_to - here).tolist())
+    lead.use_instrument()
+    most = 0.0
+    for _ in range(200):
+        pass_time(lead, session, TICK_SECONDS)
+        most = max(most, math.hypot(*tissue.forces[1]))
+    assert GRIPS_AT * GRIP_N < most < GRIP_N
+    assert 0.0 < tissue.hands[1].opening < 0.5 * SPREAD
+    title, advice = cast(MagicMock, lead._state.client.add_notification).call_args.args
+    assert title == "Stopped: the jaws push with 11 N"
+    assert advice == PUSHED
 
 
 def critical_view() -> Exercise:
@@ -588,7 +710,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     assert session.grab(0, 8.0, tissue.tubes.names.index("gallbladder")) is not None
     tissue = session.spatial  # made whole, as a run begins
     # Held it is drawn, by stages, each of which is asked for by a ring and its distance.
-    aside = "Next: draw the gallbladder aside with the left hand's grasper: follow the ring, 9 mm"
+    aside = "Next: draw the gallbladder aside with the left hand's grasper: follow the ring slowly"
     far = list[float]()
     while (step := asked()).words.startswith(aside):
         to_ring = lead.to_ring

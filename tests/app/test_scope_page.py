@@ -210,6 +210,21 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
 
         end = start - 10.5 * shaft
         tab.wait_until(lambda: math.dist(view.session.spatial.hands[0].place, end) < 0.5)
+        # It goes on from where the tip was led, wherever that is drawn meanwhile.
+        tab.page.mouse.click(400, 250)
+        tab.page.evaluate(NOTCHES, 2)
+
+        def is_where_it_was_pressed() -> None:
+            place, camera = view.session.spatial.hands[0].place, page.camera
+            place = place + 6.0 * TROCARS[0].shaft(place)  # four notches back
+            box = tab.page.locator("canvas").first.bounding_box()
+            assert box is not None
+            right, up, back = camera.axes.T @ (place - camera.tip)
+            dots = 0.5 * box["height"] / (back * page.pose()[4, 0])
+            x, y = 0.5 * box["width"] - dots * right, 0.5 * box["height"] + dots * up
+            assert (box["x"] + x, box["y"] + y) == pytest.approx((400, 250), abs=3.0)
+
+        tab.eventually(is_where_it_was_pressed)
         # The oblique scope looks from where its algebra says.
         tab.page.keyboard.press("z")
         tab.wait_until(lambda: page.camera.shaft @ page.camera.axes[:, 2] > -0.9)

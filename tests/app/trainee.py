@@ -22,14 +22,14 @@ from app.simulation import (
     Structure,
 )
 from app.trainer.client.page_state import PageState
-from app.trainer.client.scope_lead import ScopeLead
+from app.trainer.client.scope_lead import NOTCH_MM, ScopeLead
 from app.trainer.client.workers import Workers
 from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.scope_scene import ScopeScene
 
 Floats = NDArray[np.float64]
-NOTCH_MM, TURN = 1.5, 0.15
-"""Of the wheel, and rad of a key: as page/pointer.js and the panel's keys have them."""
+TURN = 0.15
+"""rad of a key, as the panel's keys have it."""
 PAUSE = 0.3
 """s in which one looks before one goes on."""
 STEP_MM = 2.0
@@ -91,16 +91,31 @@ class Trainee:
                 return
             self.wait(TICK_SECONDS)
 
-    def _move(self, place: Floats) -> None:
+    def _ray(self, place: Floats) -> str:
+        """Return a pointer that is at a place in the picture, as the page sends it."""
+        start = self.held.camera.tip
+        return " ".join(f"{each:.3f}" for each in (*start, *(place - start)))
+
+    def _point(self, place: Floats) -> None:
+        """Press where a place is seen; what is held is dragged there."""
         if self.lead.hand:
             self._came.append(self.tip.copy())
-        self.send("move " + " ".join(f"{each:.3f}" for each in place))
+        if self.session.spatial.hands[self.lead.hand].node is None:
+            self.send(f"press {self._ray(place)}")
+        else:
+            self.send(f"press {self._ray(self.tip)}")
+            self.send(f"drag {self._ray(place)}")
+
+    def _move(self, place: Floats) -> None:
+        """Lead the tip to a place, by pointer and wheel at once."""
+        far = self._far(place)
+        self._point(place + far * TROCARS[self.lead.hand].shaft(place))
+        self.send(f"wheel {far / NOTCH_MM:.3f}")
         self._led()
 
     def drag(self, place: Floats) -> None:
         """Take the tip under the pointer, at its depth, whence the wheel leads it to a place."""
-        self._move(place + self._far(place) * TROCARS[self.lead.hand].shaft(place))
-        self.send("stop")
+        self.over(place + self._far(place) * TROCARS[self.lead.hand].shaft(place))
 
     def _far(self, place: Floats) -> float:
         """How far from a place along its shaft it is as deep in the picture as the tip is, mm."""
@@ -109,18 +124,18 @@ class Trainee:
 
     def over(self, place: Floats) -> None:
         """Take the tip under the pointer where a place is seen, at the depth that it has."""
-        camera = self.held.camera
-        depth = -float((self.tip - camera.tip) @ camera.axes[:, 2])
-        ray = place - camera.tip
-        self._move(camera.tip + ray * (depth / -float(ray @ camera.axes[:, 2])))
+        self._point(place)
+        self._led()
         self.send("stop")
 
     def wheel(self, notches: int) -> None:
         """Take the tip in along its shaft by notches, or out; stop where it is stopped."""
         for _ in range(abs(notches)):
-            before = self.tip
-            into = -TROCARS[self.lead.hand].shaft(before)
-            self._move(before + math.copysign(NOTCH_MM, notches) * into)
+            before = self.tip.copy()
+            if self.lead.hand:
+                self._came.append(before)
+            self.send(f"wheel {math.copysign(1, notches):g}")
+            self._led()
             if math.dist(before, self.tip) < 0.3 * NOTCH_MM:
                 return
 
@@ -268,6 +283,10 @@ class Trainee:
             self.wheel(-4)
             self.to(place)
             self.use()
+        elif "back into the ring" in words:
+            assert place is not None
+            self.to(place)
+            self.send("stop")
         elif "let the" in words or "a little" in words:
             self._ease(step.hand or 0, place)
         elif "part the" in words:

@@ -42,16 +42,28 @@ AS_IT_CAME = "Next: lead the right hand's {} back as it came, into the ring."
 BACK = "Next: draw the right hand's {} out of the tissue (wheel back), into the ring."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
 DRAW_ASIDE = (
-    "Next: draw the {} aside with the left hand's grasper: follow the ring, {:.0f} mm in all."
+    "Next: draw the {} aside with the left hand's grasper: follow the ring slowly, to {:.0f} of "
+    "{:.0f} mm."
 )
 DRAW_OFF = (
-    "Next: draw the {} off the liver with the left hand's grasper: follow the ring, "
-    "{:.0f} mm in all."
+    "Next: draw the {} off the liver with the left hand's grasper: follow the ring slowly, to "
+    "{:.0f} of {:.0f} mm."
 )
-LIFT = "Next: lift the {} with the left hand's grasper: follow the ring, {:.0f} mm in all."
+LIFT = (
+    "Next: lift the {} with the left hand's grasper: follow the ring slowly, to {:.0f} of "
+    "{:.0f} mm."
+)
 TO_RING = " towards the ring"
 """Where to it is let back, if that is known."""
+LET_BACK = (
+    "Next: let the {} back into the ring with the left hand: what still holds it may give way at "
+    "once."
+)
 LET_GO = "Next: let go of the {} with the left hand's grasper (G)."
+LIFTED = (
+    "Next: let go of the {} with the left hand's grasper (G): it is lifted, and what is slack "
+    "leaves jaws room."
+)
 SLACKEN = (
     "Next: let the {} back{} with the left hand until Highest stress is under {:.0f} %: "
     "the {} is strained."

@@ -13,14 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import tube_title
-from app.simulation.exercises.critical_view import CriticalView, Part
+from app.simulation.exercises.critical_view import SOME, CriticalView, Part
 from app.simulation.exercises.exercise import Exercise
 from app.simulation.exercises.goals import CriticalView as Goal
 from app.simulation.exercises.next_step import (
     DRAW_ASIDE,
     DRAW_OFF,
+    LET_BACK,
     LET_GO,
     LIFT,
+    LIFTED,
     SLACKEN,
     TAKE_HOLD,
     TO_RING,
@@ -47,6 +49,9 @@ MOST_TRIES = 3
 """Places that jaws have been at, after which the gallbladder is drawn otherwise."""
 MOST_FAILED = 2
 """How often few strands may part for one part of the view until another is asked for."""
+BACK_MM = 6.0
+"""mm off where it was taken hold of, to which the gallbladder is let back once `SOME` of its plate
+has parted: as the rest gives way, artery and duct take the pull over."""
 EASED = 0.45
 """Of a wall's break, to which what pulls is slackened once it is over `TAUT`."""
 GRIPPED = 0.85
@@ -136,7 +141,7 @@ class Guidance:
             self._jaws = JawSteps(self.tissue, self._places, site)
         if self._pulling is None and not self._jaws.begun:
             self._pulling = self._pull_for(view, self._jaws.site)
-        step = None if self._pulling is None else self._pull_step(self._pulling)
+        step = self._let_back(view) if self._pulling is None else self._pull_step(self._pulling)
         return self._jaws.next_step() if step is None else step
 
     def _follow(self) -> None:
@@ -192,7 +197,7 @@ class Guidance:
         strands = self._strands
         if pulling.drawn and pull.lets_go:
             if held is not None:
-                return NextStep(LET_GO.format(name), strands, hand=LEFT)
+                return NextStep(LIFTED.format(name), strands, hand=LEFT)
             return self._end_pull()
         if held is None:
             if pull.lets_go and pulling.start is not None:
@@ -211,11 +216,23 @@ class Guidance:
             far = STAGE_MM * (pulling.stage + 1)
             place = pulling.start + far * np.array(pull.direction)
             if not pulling.drawn and math.dist(held, place) > IN_RING_MM:
-                words = pull.words.format(name, STAGES * STAGE_MM)
+                words = pull.words.format(name, far, STAGES * STAGE_MM)
                 return NextStep(words, strands, place=three(place), hand=LEFT)
             pulling.stage += 1
         pulling.drawn = True
         return self._pull_step(pulling) if pull.lets_go else self._end_pull()
+
+    def _let_back(self, view: CriticalView) -> NextStep | None:
+        """Return how far the gallbladder is let back before its plate gives way, if it is."""
+        held, back = self._held, self._held_from
+        begun = self._jaws is not None and self._jaws.begun
+        if begun or self._held_for is not OFF_THE_LIVER or view.plate < SOME:
+            return None
+        if held is None or back is None or math.dist(held, back) < BACK_MM + IN_RING_MM:
+            return None
+        place = back + BACK_MM / math.dist(held, back) * (held - back)
+        words = LET_BACK.format(tube_title(self._safety.gallbladder))
+        return NextStep(words, self._strands, place=three(place), hand=LEFT)
 
     def _end_pull(self) -> None:
         if self._pulling is not None:

@@ -50,7 +50,9 @@ LEAST_ACROSS = 0.2
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 
-State = Literal["to come", "beside", "opening", "open", "to close", "closed", "to withdraw"]
+State = Literal[
+    "to come", "beside", "opening", "open", "to close", "closing", "closed", "to withdraw"
+]
 
 
 class JawSteps:
@@ -109,7 +111,8 @@ class JawSteps:
         hand, site, place = self._hand, self.site, self._place
         if hand is None:
             return
-        opens, self._opening = hand.opening > self._opening + MOVES_MM, hand.opening
+        opens = hand.opening > self._opening + MOVES_MM
+        closes, self._opening = hand.opening < self._opening - MOVES_MM, hand.opening
         if not self.begun:
             if hand.opening and math.dist(hand.place, place) < LEFT_MM:
                 self._state = "opening"
@@ -118,6 +121,8 @@ class JawSteps:
         elif not hand.opening:
             back = site.beside is None or math.dist(hand.place, self._beside) < IN_RING_MM
             self._state = "to withdraw" if back or self._state == "to withdraw" else "closed"
+        elif closes:
+            self._state = "closing"
         elif self._state in {"opening", "open"}:
             through = site.through
             led = through is None or math.dist(hand.place, place + through) < IN_RING_MM
@@ -139,6 +144,9 @@ class JawSteps:
             if self._state == "to withdraw":
                 shaft = TROCARS[RIGHT].shaft(self._beside)
                 return self._step(BACK.format(tool), self._beside + (OUT_MM + OUT_OF_IT_MM) * shaft)
+            if self._state == "closing" and self._tissue.stress_ratio > TAUT:
+                # Jaws that close on a wall close once they are drawn off it.
+                return self.withdrawn(tube_title(self._tissue.most_stressed))
             close = CLOSE_FEW if self.fruitless else CLOSE
             return self._step((OPENS if self._state == "opening" else close).format(tool))
         beside = self._state == "beside"

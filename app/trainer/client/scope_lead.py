@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,16 +45,23 @@ LEAD_MM_S: Mapping[Instrument, float] = {
 SPREAD, PARTS_MM_S, CLOSES_MM_S = 20.0, 5.0, 15.0
 """mm that jaws part by at most, and mm/s: quicker ones are thrown open (`jumping_jaws`), and jaws
 that close at once crush what has come between them."""
+CLOSES_SLOWLY_AT = 0.5
+"""Of a wall's break, from which on jaws close as slowly as they part."""
 INSISTS = 0.03
 """Of a wall's break, how much more than there is at a stop each key or click allows."""
 GRIPS_AT = 0.9
-"""Of the pull at which tissue slips out of a grasper, from which on that pulls no harder."""
+"""Of the pull at which tissue slips out of a grasper, from which on that pulls no harder, and jaws
+part no further: they would push what it holds out of it, or all that still holds off at once."""
 RISES = 0.003
 """Of a wall's break in a tick, by which what a hand does strains it, whatever its force is."""
 GIVES_MM = 0.1
 """By which a hand that stops gives way."""
 ALONG_SIGHT = 0.2
 """Of a shaft, along the line of sight, from which on the wheel leads a tip to a depth."""
+NOTCH_MM = 1.5
+"""Along a shaft, that a notch of the wheel leads."""
+LEAST_INTO = 0.1
+"""Of a pointer's ray, into the picture."""
 NEAR_MM = 1.2
 """Off a ring or its path, within which a tip that is led there comes into it."""
 LEAST_PUSH_N = 0.1
@@ -67,6 +74,10 @@ STOPPED = (
 JAWS_STOPPED = (
     "It lies in or beside the jaws. Close them (G), lead them further from it, and part there."
 )
+CLOSED_ON = (
+    "A wall lies between the jaws: draw them back as they came, and they close by themselves."
+)
+PUSHED = "Close them (G): what has parted gives room. Then part there again, or less deep."
 HELD_BACK = (
     f"A grasper holds {GRIP_N:g} N: pulled harder, tissue slips out of it. Part with the other "
     "hand what holds the tissue back."
@@ -110,6 +121,16 @@ BOTH_KEPT = "Front and back go with the result."
 SWEEPS = "A swab has no jaws: wipe with it along a tube."
 
 
+class _Pointer(NamedTuple):
+    """A pointer that is pressed in the picture, and leads a hand."""
+
+    hand: int
+    ray: Floats  # (6,) mm, from the camera, and direction
+    depth: float  # mm from the camera, where the hand is led
+    under: Floats  # (3,) mm, what is under it at that depth
+    aside: Floats  # (3,) mm, from there to where the tip is led
+
+
 class ScopeLead:
     """What mouse and keys lead at an anatomy: the state's active hand, or the scope."""
 
@@ -125,8 +146,10 @@ class ScopeLead:
         self._to_part: tuple[int, ...] = ()  # of what is `_marked`
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
+        self._pointer: _Pointer | None = None
         # Of each hand, how far its jaws go apart or together, mm, or None.
         self._jaws: list[float | None] = [None] * len(state.hands)
+        self._crushes = [False] * len(state.hands)  # whether what closing jaws strain waits
         self._run = state.session.run
         self._stops_at = STOPS_AT
         self._stress = 0.0  # of the last tick, over the strength
@@ -351,6 +374,66 @@ class ScopeLead:
             place = self._on_path(place) - self._state.hands[self.hand].jaws
             self._goals[self.hand] = TROCARS[self.hand].within(place)
 
+    @property
+    def _led_to(self) -> Floats:
+        """(3,) mm where the active hand's tip is led, or else is."""
+        goal, holder = self._goals[self.hand], self._state.hands[self.hand]
+        return (holder.target if goal is None else goal) + holder.jaws
+
+    def press(self, *ray: float) -> None:
+        """Lead the active hand by a pointer from now on: (6,) a ray from the camera to it.
+
+        The tip comes under it at its own depth; what is held is led from where it is, and a handle
+        goes as far as the pointer.
+        """
+        holder, at = self._state.hands[self.hand], np.array(ray)
+        held = holder.node is not None
+        tip = holder.tip if held else self._led_to
+        depth = self._depth_of(tip, at)
+        under = self._under(at, depth)
+        aside = tip - under if held else np.zeros(3)
+        self._pointer = _Pointer(self.hand, at, depth, under, aside)
+        if not held and not self.by_handle:
+            self.lead_hand(under)
+
+    def drag(self, *ray: float) -> None:
+        """Lead the hand on to where the pointer is now."""
+        before, at = self._pointer, np.array(ray)
+        if before is None or before.hand != self.hand:
+            return
+        under = self._under(at, before.depth)
+        self._pointer = before._replace(ray=at, under=under)
+        if self.by_handle:
+            right, up = self.held.camera.axes[:, :2].T @ (under - before.under)
+            self.push_handle(float(right), float(up), 0.0)
+        else:
+            self.lead_hand(under + before.aside)
+
+    def wheel(self, notches: float) -> None:
+        """Lead the active hand in along its shaft, or the scope along its own."""
+        into = NOTCH_MM * notches
+        if self.leads_scope:
+            self.move_scope(depth=into)
+        elif self.by_handle:
+            self.push_handle(0.0, 0.0, into)
+        else:
+            start, pointer = self._led_to, self._pointer
+            place = start - into * TROCARS[self.hand].shaft(start)
+            self.lead_hand(place)
+            if pointer is not None and pointer.hand == self.hand:  # which goes on from there
+                depth = self._depth_of(place, pointer.ray)
+                under = self._under(pointer.ray, depth)
+                self._pointer = pointer._replace(depth=depth, under=under, aside=place - under)
+
+    def _depth_of(self, place: Floats, ray: Floats) -> float:
+        """How deep in the picture a place is, seen from where a ray starts, mm."""
+        return float((ray[:3] - place) @ self.held.camera.axes[:, 2])
+
+    def _under(self, ray: Floats, depth: float) -> Floats:
+        """(3,) mm where a ray is so deep in the picture."""
+        into = -float(ray[3:] @ self.held.camera.axes[:, 2])
+        return ray[:3] + ray[3:] * (depth / max(into, LEAST_INTO))
+
     def _on_path(self, place: Floats) -> Floats:
         """(3,) mm the ring, or the cross on its path, that a place is close to; or the place."""
         # One eye does not tell depth, and a hand that points is a little off.
@@ -376,6 +459,7 @@ class ScopeLead:
 
     def stop(self) -> None:
         """Leave a hand that holds a tube where it is, as its pointer lets go."""
+        self._pointer = None
         if self._state.hands[self.hand].node is not None:
             self._goals[self.hand] = None
 
@@ -393,7 +477,7 @@ class ScopeLead:
             self._stopped = [None] * len(self._stopped)
         for hand, goal in enumerate(self._goals):
             holder = state.hands[hand]
-            self._lead_jaws(hand, stops, TICK_SECONDS * ticks)
+            self._lead_jaws(hand, stops, rises, TICK_SECONDS * ticks)
             if goal is None:
                 self._give_way(hand)
                 continue
@@ -461,7 +545,7 @@ class ScopeLead:
         wall = tube_title(self.session.spatial.most_stressed)
         self._state.refuse(advice, f"Stopped: the {wall} nears its break")
 
-    def _lead_jaws(self, hand: int, stops: bool, seconds: float) -> None:
+    def _lead_jaws(self, hand: int, stops: bool, rises: bool, seconds: float) -> None:
         """Part or close jaws as far as they are led, no faster than they may."""
         goal, opened = self._jaws[hand], self._state.hands[hand].target_opening
         if goal is None:
@@ -470,7 +554,21 @@ class ScopeLead:
             self._jaws[hand] = None
             self._say_stopped(JAWS_STOPPED)
             return
-        most = seconds * (PARTS_MM_S if goal > opened else CLOSES_MM_S)
+        push = math.hypot(*self.session.spatial.forces[hand])
+        if push > GRIPS_AT * GRIP_N and goal > opened and self._state.figures_visible:
+            self._jaws[hand] = None
+            self._stopped_at = self.session.spatial.ticks
+            self._state.refuse(PUSHED, f"Stopped: the jaws push with {push:.0f} N")
+            return
+        crushed = self._crushes[hand]
+        # From where closing jaws strain a wall to where that is slack they wait.
+        self._crushes[hand] = stops and goal < opened and (rises or crushed)
+        if self._crushes[hand]:
+            if not crushed:
+                self._say_stopped(CLOSED_ON)
+            return
+        slowly = goal > opened or self._stress > CLOSES_SLOWLY_AT
+        most = seconds * (PARTS_MM_S if slowly else CLOSES_MM_S)
         self.session.open_jaws(hand, min(max(goal, opened - most), opened + most))
         if abs(goal - opened) <= most:
             self._jaws[hand] = None
@@ -491,10 +589,7 @@ class ScopeLead:
             return
         if not self._steps():
             return
-        goal = self._goals[self.hand]
-        holder = self._state.hands[self.hand]
-        start = (holder.target if goal is None else goal) + holder.jaws
-        step = self.held.camera.axes @ np.array([right, up, 0.0])
+        start, step = self._led_to, self.held.camera.axes @ np.array([right, up, 0.0])
         self.lead_hand(start + step - away * TROCARS[self.hand].shaft(start))
 
     def turn(self, angle: float) -> None:

@@ -27,7 +27,7 @@ from app.simulation import (
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import SceneName
-from app.trainer.client.scope_lead import HOLDS_MM_S, ScopeLead
+from app.trainer.client.scope_lead import HOLDS_MM_S, NOTCH_MM, ScopeLead
 from app.trainer.panel.case_tab import CaseTab
 from app.trainer.panel.controls import (
     Choice,
@@ -474,20 +474,22 @@ class ScopePanel:
 
 
 def _moves(to_ring: tuple[float, float, float], *, holds: bool) -> str:
-    """Return how to move a tip right, up and in, mm, in words."""
+    """Return how to move a tip right, up and in, mm, in words: in and out in notches."""
+    right, up, into = to_ring
     names = ("right", "left"), ("up", "down"), ("in", "out")
-    right, up, into = (
+    numbers = right, up, into / NOTCH_MM
+    across, along, notches = (
         f"{abs(far):.0f} {more if far > 0.0 else less}" if round(abs(far)) > 0 else ""
-        for far, (more, less) in zip(to_ring, names, strict=True)
+        for far, (more, less) in zip(numbers, names, strict=True)
     )
-    aside = ", ".join(filter(None, (right, up)))
+    aside, wheel = ", ".join(filter(None, (across, along))), notches and f"wheel {notches}"
     if holds:
-        return f"drag {', then '.join(filter(None, (aside, into)))} (mm)"
+        return ", then ".join(filter(None, (aside and f"drag {aside} (mm)", wheel)))
     # Out comes first, and in last: one goes aside in front of the tissue.
-    if to_ring[2] < -LEAST_MM or math.hypot(*to_ring[:2]) <= LEAST_MM:
-        return f"wheel {into} (mm)"
-    mark = "cross" if to_ring[2] > CROSS_MM else "ring"
-    return ", ".join(filter(None, (f"{aside} to the {mark}", into)))
+    if into < -LEAST_MM or math.hypot(right, up) <= LEAST_MM:
+        return wheel
+    mark = "cross" if into > CROSS_MM else "ring"
+    return ", ".join(filter(None, (f"{aside} mm to the {mark}", wheel)))
 
 
 def _text() -> str:

@@ -67,15 +67,17 @@ class Led(Protocol):
 
     leads_scope: bool
     """Whether the pointer leads the scope."""
-    by_handle: bool
-    """Whether hands are led by their handles, and not by their tips."""
 
-    def lead_hand(self, place: Floats) -> None:
-        """Lead the active hand's tip to a place, (3,) mm."""
+    def press(self, *ray: float) -> None:
+        """Lead the active hand by a pointer: (6,) where a ray to it starts, mm, and direction."""
         ...
 
-    def push_handle(self, right: float, up: float, into: float) -> None:
-        """Move the active hand's handle, mm at the tip: across its shaft, and along it."""
+    def drag(self, *ray: float) -> None:
+        """Lead the hand on to where the pointer is now."""
+        ...
+
+    def wheel(self, notches: float) -> None:
+        """Lead the active hand or the scope in along its shaft."""
         ...
 
     def nudge(self, right: float, up: float, away: float) -> None:
@@ -189,7 +191,7 @@ class ScopeScene:
             self._ring = ring
             run_function(self._client.scene, "bluntdissectScope.ring", ring)
         hand = POINTS if led.cross is not None else SCOPE if led.leads_scope else led.hand
-        leads = hand, led.by_handle, led.cross
+        leads = hand, led.cross
         if self._photograph is not None and led.take_request():
             number = page_number(self._photograph)
             run_function(self._client.scene, "bluntdissectScope.photograph", number)
@@ -246,8 +248,8 @@ class ScopeScene:
         """Take what the page tells of pointer and gamepad; what is malformed is ignored."""
         led, (kind, numbers) = self._led, _read(message)
         acts: Mapping[str, tuple[int, Callable[..., object]]] = {
-            "move": (3, lambda *place: led.lead_hand(np.array(place))),
-            "nudge": (3, led.nudge), "push": (3, led.push_handle), "stop": (0, led.stop),
+            "press": (6, led.press), "drag": (6, led.drag), "stop": (0, led.stop),
+            "wheel": (1, led.wheel), "nudge": (3, led.nudge),
             "turn": (1, led.turn), "open": (1, led.open_more), "act": (0, led.use_instrument),
             "hand": (0, led.choose_next), "view": (0, led.choose_scope),
             "instrument": (0, led.choose_next_instrument),
