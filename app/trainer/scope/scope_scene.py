@@ -136,7 +136,7 @@ class ScopeScene:
         self._picture: ScopePicture | None = None
         self._drawn_with = -1.0  # the angle of the scope that the page has
         # as the page has it: a hand or what else is led, by which end, where the cross is
-        self._leads: tuple[int, bool, tuple[float, float] | None] | None = None
+        self._leads: tuple[int, tuple[float, float] | None] | None = None
         self._warning, self._marked = "", tuple[int, ...]()
         self._ring: tuple[float, ...] | None = None
         self._frame = client.scene.add_frame("/scope", show_axes=False)
