@@ -116,12 +116,12 @@ def followed(seed: int) -> Trainee:
     return trainee
 
 
-RECORDED = 7
+RECORDED = 15
 """Of these runs, the one that *Show me* plays."""
 
 
 @pytest.mark.long  # some three minutes of hands each
-@pytest.mark.parametrize("seed", [13, 16, RECORDED])
+@pytest.mark.parametrize("seed", [13, 11, RECORDED])
 def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
     """Three of six points with mouse and keys, in under five minutes, and nothing tears."""
     session = followed(seed).session

@@ -399,38 +399,46 @@ def test_wheel_and_pointer_go_on_from_where_a_tip_is_led(lead: ScopeLead) -> Non
     """Pictures may come late: what is led goes to the end, whatever is drawn meanwhile."""
     session, camera = lead.session, lead.held.camera
     hand = session.spatial.hands[0]
-    right, up = camera.axes.T[:2]
+    right, up, back = camera.axes.T
 
-    def ray(place: np.ndarray) -> list[float]:
-        return [*camera.tip, *0.1 * (place - camera.tip)]
+    def ray(place: np.ndarray) -> np.ndarray:
+        return np.array([*camera.tip, *0.1 * (place - camera.tip)])
+
+    def under(pointer: np.ndarray, tip: np.ndarray, shaft: np.ndarray) -> np.ndarray:
+        """Where a pointer is in the plane half-way between the picture's and across a shaft."""
+        way, normal = pointer[3:], back + shaft
+        return camera.tip + way * (((tip - camera.tip) @ normal) / (way @ normal))
 
     def deeper(place: np.ndarray, notches: float) -> np.ndarray:
         return place - NOTCH_MM * notches * TROCARS[0].shaft(place)
 
     # Notches add up to a press on the picture, before the tip is there and after the button is up.
     start = hand.place.copy()
-    under = start + 6.0 * right + 4.0 * up
-    lead.press(*ray(under))
+    pointer = ray(start + 6.0 * right + 4.0 * up)
+    pressed = under(pointer, start, TROCARS[0].shaft(start))
+    lead.press(*pointer)
     lead.stop()
     lead.wheel(1.0)
     lead.wheel(2.0)
     pass_time(lead, session, 3.0)
-    there = deeper(under, 3.0)
+    there = deeper(pressed, 3.0)
     assert hand.place == pytest.approx(there, abs=0.02)
-    # A press takes it aside at the depth to which it is led, and a drag goes on from there.
+    # A press takes it aside from where it is led, and a drag goes on from there.
     lead.wheel(-2.0)
     led = deeper(there, -2.0)
+    shaft = TROCARS[0].shaft(led)
     lead.press(*ray(led - 3.0 * right))
     lead.drag(*ray(led - 8.0 * right))
+    dragged = under(ray(led - 8.0 * right), led, shaft)
     lead.wheel(1.0)
-    pointed = ray(led - 10.0 * right)
-    lead.drag(*pointed)
+    lead.drag(*ray(led - 10.0 * right))
     pass_time(lead, session, 3.0)
-    assert hand.place == pytest.approx(deeper(led - 8.0 * right, 1.0) - 2.0 * right, abs=0.1)
+    further = under(ray(led - 10.0 * right), dragged, shaft) - dragged
+    assert hand.place == pytest.approx(deeper(dragged, 1.0) + further, abs=0.1)
     # By its handle it goes the other way, and a notch is one all the same.
     lead.by_handle = True
     before, shaft = hand.place.copy(), TROCARS[0].shaft(hand.place)
-    lead.press(*pointed)
+    lead.press(*ray(before))
     lead.drag(*ray(before + 2.0 * up))
     lead.stop()
     lead.wheel(1.0)

@@ -118,9 +118,9 @@ class Trainee:
         self.over(place + self._far(place) * TROCARS[self.lead.hand].shaft(place))
 
     def _far(self, place: Floats) -> float:
-        """How far from a place along its shaft it is as deep in the picture as the tip is, mm."""
-        shaft, back = TROCARS[self.lead.hand].shaft(place), self.held.camera.axes[:, 2]
-        return float((self.tip - place) @ back) / float(shaft @ back)
+        """How far from a place along its shaft the pointer comes to that, mm."""
+        shaft, normal = TROCARS[self.lead.hand].shaft(place), self.lead._normal
+        return float((self.tip - place) @ normal) / float(shaft @ normal)
 
     def over(self, place: Floats) -> None:
         """Take the tip under the pointer where a place is seen, at the depth that it has."""

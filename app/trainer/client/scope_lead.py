@@ -56,12 +56,10 @@ RISES = 0.003
 """Of a wall's break in a tick, by which what a hand does strains it, whatever its force is."""
 GIVES_MM = 0.1
 """By which a hand that stops gives way."""
-ALONG_SIGHT = 0.2
-"""Of a shaft, along the line of sight, from which on the wheel leads a tip to a depth."""
 NOTCH_MM = 1.5
 """Along a shaft, that a notch of the wheel leads."""
 LEAST_INTO = 0.1
-"""Of a pointer's ray, into the picture."""
+"""Of a pointer's ray, into the plane in which it leads."""
 NEAR_MM = 1.2
 """Off a ring or its path, within which a tip that is led there comes into it."""
 LEAST_PUSH_N = 0.1
@@ -126,8 +124,8 @@ class _Pointer(NamedTuple):
 
     hand: int
     ray: Floats  # (6,) mm, from the camera, and direction
-    depth: float  # mm from the camera, where the hand is led
-    under: Floats  # (3,) mm, what is under it at that depth
+    normal: Floats  # (3,) of the plane in which the hand is led
+    under: Floats  # (3,) mm, what is under it in that plane
     aside: Floats  # (3,) mm, from there to where the tip is led
 
 
@@ -262,12 +260,24 @@ class ScopeLead:
         return float(right), float(up), into
 
     def _far_along(self, ring: Floats, shaft: Floats, place: Floats) -> float:
-        """How far from a ring back along a shaft it is as deep in the picture as a place, mm."""
-        back = self.held.camera.axes[:, 2]
-        along = float(shaft @ back)
-        # A shaft across the line of sight leads no deeper.
-        along = math.copysign(max(abs(along), ALONG_SIGHT), along)
-        return float((place - ring) @ back) / along
+        """How far from a ring back along a shaft the plane is that the pointer leads in, mm."""
+        normal = self._normal_of(shaft)
+        return float((place - ring) @ normal) / float(shaft @ normal)
+
+    def _normal_of(self, shaft: Floats) -> Floats:
+        """(3,) of the plane in which the pointer leads a hand with such a shaft."""
+        # Half-way between the picture's and that across the shaft: in the picture's, a shaft that
+        # lies nearly in it would have to go far for a little depth.
+        normal = self.held.camera.axes[:, 2] + shaft
+        return normal / math.sqrt(float(normal @ normal))
+
+    @property
+    def _normal(self) -> Floats:
+        """(3,) of the plane in which the pointer leads the active hand: to the ring, if any."""
+        step = self.next_step
+        here = self._led_to
+        asked = step is not None and step.place is not None and step.hand == self.hand
+        return self._normal_of(TROCARS[self.hand].shaft(np.array(step.place) if asked else here))
 
     @property
     def in_ring(self) -> bool:
@@ -383,16 +393,15 @@ class ScopeLead:
     def press(self, *ray: float) -> None:
         """Lead the active hand by a pointer from now on: (6,) a ray from the camera to it.
 
-        The tip comes under it at its own depth; what is held is led from where it is, and a handle
+        The tip comes under it; what is held is led from where it is, and a handle
         goes as far as the pointer.
         """
         holder, at = self._state.hands[self.hand], np.array(ray)
         held = holder.node is not None
-        tip = holder.tip if held else self._led_to
-        depth = self._depth_of(tip, at)
-        under = self._under(at, depth)
+        tip, normal = holder.tip if held else self._led_to, self._normal
+        under = _meeting(at, normal, tip)
         aside = tip - under if held else np.zeros(3)
-        self._pointer = _Pointer(self.hand, at, depth, under, aside)
+        self._pointer = _Pointer(self.hand, at, normal, under, aside)
         if not held and not self.by_handle:
             self.lead_hand(under)
 
@@ -401,7 +410,7 @@ class ScopeLead:
         before, at = self._pointer, np.array(ray)
         if before is None or before.hand != self.hand:
             return
-        under = self._under(at, before.depth)
+        under = _meeting(at, before.normal, before.under)
         self._pointer = before._replace(ray=at, under=under)
         if self.by_handle:
             right, up = self.held.camera.axes[:, :2].T @ (under - before.under)
@@ -421,18 +430,8 @@ class ScopeLead:
             place = start - into * TROCARS[self.hand].shaft(start)
             self.lead_hand(place)
             if pointer is not None and pointer.hand == self.hand:  # which goes on from there
-                depth = self._depth_of(place, pointer.ray)
-                under = self._under(pointer.ray, depth)
-                self._pointer = pointer._replace(depth=depth, under=under, aside=place - under)
-
-    def _depth_of(self, place: Floats, ray: Floats) -> float:
-        """How deep in the picture a place is, seen from where a ray starts, mm."""
-        return float((ray[:3] - place) @ self.held.camera.axes[:, 2])
-
-    def _under(self, ray: Floats, depth: float) -> Floats:
-        """(3,) mm where a ray is so deep in the picture."""
-        into = -float(ray[3:] @ self.held.camera.axes[:, 2])
-        return ray[:3] + ray[3:] * (depth / max(into, LEAST_INTO))
+                under = _meeting(pointer.ray, pointer.normal, place)
+                self._pointer = pointer._replace(under=under, aside=place - under)
 
     def _on_path(self, place: Floats) -> Floats:
         """(3,) mm the ring, or the cross on its path, that a place is close to; or the place."""
@@ -441,8 +440,10 @@ class ScopeLead:
         if ring is None or ring[9] != self.hand:
             return place
         at, shaft = np.array(ring[:3]), np.array(ring[6:9])
-        cross = at + self._far_along(at, shaft, place) * shaft
-        return next((each for each in (at, cross) if math.dist(each, place) < NEAR_MM), place)
+        marked = [at]
+        if shaft.any():
+            marked.append(at + self._far_along(at, shaft, place) * shaft)
+        return next((each for each in marked if math.dist(each, place) < NEAR_MM), place)
 
     def push_handle(self, right: float, up: float, into: float) -> None:
         """Move the active hand's handle, mm at the tip: across its shaft, and along it.
@@ -589,7 +590,9 @@ class ScopeLead:
             return
         if not self._steps():
             return
-        start, step = self._led_to, self.held.camera.axes @ np.array([right, up, 0.0])
+        start, (x, y, back), normal = self._led_to, self.held.camera.axes.T, self._normal
+        step = right * x + up * y
+        step -= float(step @ normal) / float(back @ normal) * back  # as the pointer leads
         self.lead_hand(start + step - away * TROCARS[self.hand].shaft(start))
 
     def turn(self, angle: float) -> None:
@@ -735,6 +738,14 @@ class ScopeLead:
         """Take the other scope, straight or oblique."""
         self.held.change()
         self._state.show()
+
+
+def _meeting(ray: Floats, normal: Floats, place: Floats) -> Floats:
+    """(3,) mm where a ray meets the plane through a place."""
+    start, way = ray[:3], ray[3:]
+    into = -float(way @ normal) / math.sqrt(float(way @ way))
+    far = float((start - place) @ normal) / max(into, LEAST_INTO)
+    return start + way * (far / math.sqrt(float(way @ way)))
 
 
 def _about(vector: Floats, axis: Floats, angle: float) -> Floats:

@@ -484,12 +484,12 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool) -> str:
     )
     aside, wheel = ", ".join(filter(None, (across, along))), notches and f"wheel {notches}"
     if holds:
-        return ", then ".join(filter(None, (aside and f"drag {aside} (mm)", wheel)))
+        return ", then ".join(filter(None, (aside and f"drag {aside} mm", wheel)))
     # Out comes first, and in last: one goes aside in front of the tissue.
     if into < -LEAST_MM or math.hypot(right, up) <= LEAST_MM:
         return wheel
     mark = "cross" if into > CROSS_MM else "ring"
-    return ", ".join(filter(None, (f"{aside} mm to the {mark}", wheel)))
+    return ", ".join(filter(None, (f"{mark} {aside} mm", wheel)))
 
 
 def _text() -> str:

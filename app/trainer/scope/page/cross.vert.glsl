@@ -1,4 +1,4 @@
-// A cross that faces the lens where the path is as deep as the tip: from there the wheel leads it in.
+// A cross that faces the lens where the pointer comes to the path: from there the wheel leads in.
 void main() {
   vec4 ring = modelViewMatrix * vec4(uPlace, 1.0);
   vec3 back = (modelViewMatrix * vec4(uBack, 0.0)).xyz;

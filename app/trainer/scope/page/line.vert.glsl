@@ -1,7 +1,7 @@
 void main() {
   vec4 ring = modelViewMatrix * vec4(uPlace, 1.0);
   vec3 back = (modelViewMatrix * vec4(uBack, 0.0)).xyz;
-  float far = max(begins(ring, back), 8.0), on = mix(2.0, far, 0.5 + 0.5 * place.y);
+  float far = clamp(begins(ring, back), 8.0, 40.0), on = mix(2.0, far, 0.5 + 0.5 * place.y);
   vec4 a = ring + vec4(2.0 * back, 0.0), b = ring + vec4(far * back, 0.0);
   vec2 along = b.xy / b.z - a.xy / a.z;
   vOn = vec2(0.4 * place.x, on);
