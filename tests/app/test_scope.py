@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast
 from unittest.mock import MagicMock, patch
 
@@ -66,6 +67,7 @@ from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Frame, Packing, Well
 from app.trainer.scope.pose import OBLIQUE, Laparoscope, Pose
+from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.scope.surroundings import film_runs, floor_under, strand_table, working_place
 from app.trainer.scope.tube_walls import SIDES, tube_wall
 from organ_geometry import DrivingPoints, Organ
@@ -1001,3 +1003,17 @@ def test_the_scope_has_measures_of_its_own() -> None:
     )
     kept = read_run(run_json(session.run_file()))
     assert kept.agrees_with(Replay(kept.log, session.spatial.dissection.organ).run_file())
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["press 0 0 0 0 0 0", "press 1e300 0 0 0 0 -1", "press nan 0 0 0 0 -1", "press 1 2", "drag 0",
+     "wheel inf", "wheel 1e9", "drag 0 0 0 0 0 -1", "move 1 2 3", ""],
+)  # fmt: skip
+def test_what_a_page_makes_up_leads_nothing_away(lead: ScopeLead, words: str) -> None:
+    """What is malformed is ignored, and a ray that leads nowhere leads a tip within its reach."""
+    session, hand = lead.session, lead.session.spatial.hands[0]
+    ScopeScene.take(cast(ScopeScene, SimpleNamespace(_led=lead)), f"1 {words}")
+    pass_time(lead, session, 1.0)
+    assert np.isfinite(hand.place).all()
+    assert np.linalg.norm(hand.place) < 500.0

@@ -274,10 +274,10 @@ class ScopeLead:
     @property
     def _normal(self) -> Floats:
         """(3,) of the plane in which the pointer leads the active hand: to the ring, if any."""
-        step = self.next_step
-        here = self._led_to
-        asked = step is not None and step.place is not None and step.hand == self.hand
-        return self._normal_of(TROCARS[self.hand].shaft(np.array(step.place) if asked else here))
+        step, place = self.next_step, self._led_to
+        if step is not None and step.place is not None and step.hand == self.hand:
+            place = np.array(step.place)
+        return self._normal_of(TROCARS[self.hand].shaft(place))
 
     @property
     def in_ring(self) -> bool:
@@ -393,8 +393,8 @@ class ScopeLead:
     def press(self, *ray: float) -> None:
         """Lead the active hand by a pointer from now on: (6,) a ray from the camera to it.
 
-        The tip comes under it; what is held is led from where it is, and a handle
-        goes as far as the pointer.
+        The tip comes under it; what is held is led from where it is, and a handle goes as far as
+        the pointer.
         """
         holder, at = self._state.hands[self.hand], np.array(ray)
         held = holder.node is not None
@@ -743,9 +743,10 @@ class ScopeLead:
 def _meeting(ray: Floats, normal: Floats, place: Floats) -> Floats:
     """(3,) mm where a ray meets the plane through a place."""
     start, way = ray[:3], ray[3:]
-    into = -float(way @ normal) / math.sqrt(float(way @ way))
+    size = math.sqrt(float(way @ way)) or 1.0
+    into = -float(way @ normal) / size
     far = float((start - place) @ normal) / max(into, LEAST_INTO)
-    return start + way * (far / math.sqrt(float(way @ way)))
+    return start + way * (far / size)
 
 
 def _about(vector: Floats, axis: Floats, angle: float) -> Floats:

@@ -1,6 +1,5 @@
 """The scene of an anatomy: its picture through a scope, and what mouse and fingers do there."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
@@ -23,6 +22,9 @@ WARNED_FROM, WARNED_EACH = 0.8, 0.05
 """Of its break, from where on a wall is warned of, and in what steps."""
 SCOPE, POINTS = -1, -2
 """In the place of a hand: the pointer leads the scope, or marks what it points at."""
+
+MOST = 1e6
+"""Largest number that a page's pointer or gamepad sends: mm, notches or rad."""
 
 
 class Led(Protocol):
@@ -289,6 +291,6 @@ def _read(message: str) -> tuple[str, list[float]]:
         numbers = [float(each) for each in fields[1:]]
     except ValueError:
         return "", []
-    if not fields or not all(map(math.isfinite, numbers)):
+    if not fields or not all(abs(each) <= MOST for each in numbers):  # which no NaN is
         return "", []
     return fields[0], numbers

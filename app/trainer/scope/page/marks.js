@@ -1,6 +1,6 @@
 // What an exercise asks for next, in front of all: a faint dot on each strand that is to be parted,
 // which goes as its strand parts, and a ring where to, with a bar as jaws are to part. A dashed line
-// leads there along the shaft: from the cross at its end, where the pointer comes, the wheel goes into it.
+// leads there along the shaft: from the cross at its end, where the pointer comes, the wheel goes in.
 (() => {
   const scope = window.bluntdissectScope;
   if (scope.mark) return;
