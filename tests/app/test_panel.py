@@ -112,14 +112,15 @@ def test_errors_close_together_are_marked_and_only_the_first_is_numbered(gui: vi
     debrief = Debrief(gui, None, "", {}, play, play, decided=None, in_space=True)
     found = [
         Incident("repeated_holds", at, at, hand, 0, 20.0, "none", {"n": 3.0, "x": 20.0})
-        for at, hand in ((10.0, 0), (10.2, 0), (10.4, 1), (50.0, 0))
+        for at, hand in ((10.0, 0), (10.2, 0), (10.4, 1), (500.0, 0))
     ]
-    metrics: Any = {"time_s": 100.0, "smallest_distance_to_break": 0.5}
+    metrics: Any = {"time_s": 1167.2, "smallest_distance_to_break": 0.5}
     debrief.show(Done(metrics, found, Series((), ())))
     drawn = str(debrief._html.content)
     assert drawn.count("<rect") == len(found)
     marks = re.findall(r"<rect.*?<text[^>]*>(\d*)</text>", drawn)
     assert marks == ["1", "", "3", "4"]  # the other hand has a row of its own
+    assert ">1,167</text>" in drawn
 
 
 def test_a_force_that_a_page_has_set_is_not_set_back_before_it_is_taken(gui: viser.GuiApi) -> None:

@@ -1017,3 +1017,13 @@ def test_what_a_page_makes_up_leads_nothing_away(lead: ScopeLead, words: str) ->
     pass_time(lead, session, 1.0)
     assert np.isfinite(hand.place).all()
     assert np.linalg.norm(hand.place) < 500.0
+
+
+def test_jaws_whose_shaft_lies_along_the_bar_need_no_turn(
+    lead: ScopeLead, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lead.choose(1)
+    x, y, z = TROCARS[1].shaft(lead.session.spatial.hands[1].place).tolist()
+    step = NextStep("", np.zeros(0, np.int64), along=(x, y, z), hand=1)
+    monkeypatch.setattr(ScopeLead, "next_step", step)
+    assert lead.turn_left == 0.0

@@ -208,13 +208,14 @@ class ScopeLead:
     def turn_left(self) -> float | None:
         """Angle by which the active hand's jaws are to be turned for the next step, rad.
 
-        As `turn` takes it; None where the step asks for no direction, or not of this hand.
+        As `turn` takes it, 0 of a shaft along the bar, whose jaws need no turn; None where the step
+        asks for no direction, or not of this hand.
         """
         step, holder = self.next_step, self._state.hands[self.hand]
         if step is None or step.along is None or self.leads_scope or step.hand != self.hand:
             return None
         jawed = holder.instrument in PARTS
-        return turn_off(self.hand, holder, np.array(step.along)) if jawed else None
+        return (turn_off(self.hand, holder, np.array(step.along)) or 0.0) if jawed else None
 
     @property
     def to_part(self) -> tuple[int, ...]:

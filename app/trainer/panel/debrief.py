@@ -21,7 +21,7 @@ from app.simulation import (
     Outcome,
     Series,
 )
-from app.trainer.panel.controls import command
+from app.trainer.panel.controls import command, figure
 from app.trainer.panel.plots import DISTANCE_COLOUR, HAND_COLOURS, LIMIT_COLOUR
 from app.trainer.viser_bridge.private_api import page_number
 
@@ -377,8 +377,8 @@ def _timeline_html(
         for row, name in enumerate(("left", "right") if in_space else ("",))
     ]
     phrases += [
-        f"<text x='{x(at):.1f}' y='{bottom + 10}' text-anchor='{anchor}'>{at:.3g}</text>"
-        for at, anchor in ((0.0, "middle"), (end, "end"))
+        f"<text x='{x(at):.1f}' y='{bottom + 10}' text-anchor='{anchor}'>{shown}</text>"
+        for at, anchor, shown in ((0.0, "middle", "0"), (end, "end", figure(end)))
     ]
     most = f", at most {100.0 * float(fraction.max()):.0f} %" if known else ""
     label = f"Stress of the wall in % of its break over {end:.1f} s{most}; errors: {len(incidents)}"
