@@ -393,7 +393,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "a jaw or a swab presses on a tube, over 0.13 s, with more than `least` and than "
             "`part` of what breaks it",
             "at {t:.1f} s the {tool} pressed on {what} with {f:.1f} N",
-            "Keep off the wall: lead the instrument aside, to where only strands are.",
+            "Press on no wall: lead the instrument aside, to where only strands are.",
             (
                 Parameter(
                     "part", "", 0.1,
