@@ -500,7 +500,8 @@ class ScopeLead:
                 else:
                     self._say_stopped(STOPPED)
                 continue
-            most = self._speed(holder, strains) * TICK_SECONDS * ticks
+            slowly = strains or self._crushes[hand]
+            most = self._speed(holder, slowly) * TICK_SECONDS * ticks
             if far <= most:
                 self._goals[hand] = None
             step = path if far <= most else path * (most / far)
