@@ -1027,3 +1027,15 @@ def test_jaws_whose_shaft_lies_along_the_bar_need_no_turn(
     step = NextStep("", np.zeros(0, np.int64), along=(x, y, z), hand=1)
     monkeypatch.setattr(ScopeLead, "next_step", step)
     assert lead.turn_left == 0.0
+
+
+def test_the_wheel_leads_the_scope_while_structures_are_pointed_at(
+    lead: ScopeLead, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No hand moves then: one looks closer."""
+    monkeypatch.setattr(ScopeLead, "points_at", "cystic duct")
+    depth, tip = lead.held.pose.depth, lead.session.spatial.hands[0].place.copy()
+    lead.wheel(2.0)
+    pass_time(lead, lead.session, 0.5)
+    assert lead.held.pose.depth == pytest.approx(depth + 2.0 * NOTCH_MM)
+    assert lead.session.spatial.hands[0].place == pytest.approx(tip)

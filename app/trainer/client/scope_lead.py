@@ -420,9 +420,9 @@ class ScopeLead:
             self.lead_hand(under + before.aside)
 
     def wheel(self, notches: float) -> None:
-        """Lead the active hand in along its shaft, or the scope along its own."""
+        """Lead the active hand in along its shaft, or the scope where that is led or one points."""
         into = NOTCH_MM * notches
-        if self.leads_scope:
+        if self.leads_scope or self.points_at is not None:
             self.move_scope(depth=into)
         elif self.by_handle:
             self.push_handle(0.0, 0.0, into)
