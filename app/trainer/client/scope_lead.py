@@ -496,7 +496,7 @@ class ScopeLead:
                 self._goals[hand], self._stopped[hand] = None, path
                 state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
                 if slips:
-                    self._say_held_back()
+                    self._say_stopped(HELD_BACK, "the grasper nears its grip")
                 else:
                     self._say_stopped(STOPPED)
                 continue
@@ -539,14 +539,12 @@ class ScopeLead:
         self._insist()
         return True
 
-    def _say_held_back(self) -> None:
-        self._stopped_at = self.session.spatial.ticks
-        self._state.refuse(HELD_BACK, "Stopped: the grasper nears its grip")
-
-    def _say_stopped(self, advice: str) -> None:
-        self._stopped_at = self.session.spatial.ticks
-        wall = tube_title(self.session.spatial.most_stressed)
-        self._state.refuse(advice, f"Stopped: the {wall} nears its break")
+    def _say_stopped(self, advice: str, why: str = "") -> None:
+        """Tell what was stopped and what to do; by default a wall nears its break."""
+        tissue = self.session.spatial
+        self._stopped_at = tissue.ticks
+        why = why or f"the {tube_title(tissue.most_stressed)} nears its break"
+        self._state.refuse(advice, f"Stopped: {why}")
 
     def _lead_jaws(self, hand: int, stops: bool, rises: bool, seconds: float) -> None:
         """Part or close jaws as far as they are led, no faster than they may."""
@@ -560,8 +558,7 @@ class ScopeLead:
         push = math.hypot(*self.session.spatial.forces[hand])
         if push > GRIPS_AT * GRIP_N and goal > opened and self._state.figures_visible:
             self._jaws[hand] = None
-            self._stopped_at = self.session.spatial.ticks
-            self._state.refuse(PUSHED, f"Stopped: the jaws push with {push:.0f} N")
+            self._say_stopped(PUSHED, f"the jaws push with {push:.0f} N")
             return
         crushed = self._crushes[hand]
         # From where closing jaws strain a wall to where that is slack they wait.
