@@ -30,6 +30,7 @@ from app.simulation import (
     run_json,
 )
 from app.simulation.exercises.critical_view import Closing
+from app.simulation.exercises.critical_view import CriticalView as View
 from app.simulation.exercises.goals import CriticalView
 from app.simulation.exercises.next_step import closing_step
 from assets import SCRIPTS
@@ -195,6 +196,25 @@ def test_structures_are_closed_one_after_the_other() -> None:
         assert step.startswith(f"Next: {words}")
         assert len(step.split()) <= 25
     assert closing_step([done, done], stay=2, go=1) == ""
+
+
+@pytest.mark.parametrize(
+    ("points", "of_triangle", "of_plate", "asked"),
+    [
+        (3, 0, 0, ["triangle"]),  # which gives room
+        (3, 1, 0, ["plate", "triangle"]),
+        (3, 0, 2, ["triangle"]),
+        (3, 1, 1, ["plate", "triangle"]),  # whichever gives the third
+        (5, 2, 2, ["tubes"]),
+        (5, 1, 2, ["triangle", "tubes"]),
+    ],
+)
+def test_what_gives_the_next_point_is_asked_for(
+    points: int, of_triangle: int, of_plate: int, asked: list[str]
+) -> None:
+    free = (0.0, 0.7, 0.95)
+    view = View(0, of_triangle, of_plate, {}, 0.0, free[of_triangle], free[of_plate], ())
+    assert view.next_parts(points) == asked
 
 
 def test_an_exercise_of_the_view_alone_is_over_with_it() -> None:

@@ -541,6 +541,22 @@ def test_jaws_that_close_on_a_wall_wait_until_they_are_drawn_off_it(lead: ScopeL
     assert tissue.events == []
 
 
+def test_jaws_that_touch_nothing_close_while_a_pull_strains_a_wall(lead: ScopeLead) -> None:
+    """Else they wait until the other hand slackens it, wherever they are drawn."""
+    session, tissue = lead.session, lead.session.spatial
+    lead.choose_instrument(1, "dissector")
+    session.open_jaws(1, 6.0)
+    taut(lead)
+    lead.choose(1)
+    pass_time(lead, session, 0.5)
+    hand, before = tissue.hands[1], tissue.stress_ratio
+    session.move_hand(0, tissue.hands[0].place + np.array([0.0, 0.0, 0.3]))
+    lead.use_instrument()
+    pass_time(lead, session, 2.0)
+    assert STOPS_AT < before + 0.01 < tissue.stress_ratio < 1.0
+    assert hand.opening == 0.0
+
+
 def test_jaws_push_no_harder_than_a_grasper_holds(lead: ScopeLead) -> None:
     """Else what still holds the gallbladder gives way at once, and its artery takes the pull."""
     session, tissue = lead.session, lead.session.spatial

@@ -87,7 +87,7 @@ class Trainee:
         """Wait until the led hand is where it goes, or has stopped."""
         for _ in range(300):
             hand = self.session.spatial.hands[self.lead.hand]
-            if self._settled and hand.arrived:
+            if self.lead._goals[self.lead.hand] is None and hand.arrived:
                 return
             self.wait(TICK_SECONDS)
 
@@ -245,11 +245,9 @@ class Trainee:
         begun = self.tip.copy()
         self.straight_to(end)
         self.use()
-        for _ in range(8):
-            if self.session.spatial.hands[1].target_opening <= 0.0:
-                break
+        if self.session.spatial.hands[1].target_opening > 0.0:
             self.use()
-        self.straight_to(begun)
+        self.straight_to(begun)  # where jaws close that wait
         self.wheel(-6)
 
     def spread(self, place: Floats, direction: Floats) -> None:

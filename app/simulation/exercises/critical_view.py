@@ -57,7 +57,7 @@ class CriticalView:
         most = MOST_POINTS // 3
         asked: list[tuple[Part, int, int]] = [  # with the points that it has, and is to have
             ("plate", self.plate_freed, most),
-            ("triangle", self.triangle_cleared, min(points - most, most)),
+            ("triangle", self.triangle_cleared, most),
             ("tubes", self.two_structures, most if points > 2 * most else 0),
         ]
         return [part for part, has, wanted in asked if has < wanted]

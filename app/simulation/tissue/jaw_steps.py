@@ -41,7 +41,7 @@ TAUT, STOPS_AT = 0.6, 0.7
 IN_RING_MM, LEFT_MM, OUT_MM = 2.0, 5.0, 8.0
 """mm off a ring's middle, within which a tip is in it, from which on it has left it, and from which
 on jaws that have parted tissue there are out of that."""
-OUT_OF_IT_MM = 1.0
+OUT_OF_IT_MM = 2.0
 """mm farther out than that, where the ring is that they are drawn back into."""
 TURNED = math.radians(20.0)
 """Off a ring's bar, within which jaws lie along it."""

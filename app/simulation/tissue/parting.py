@@ -31,6 +31,9 @@ which they need no more; and of a tip behind the strands."""
 BESIDE_MM, UNDER_MM, ACROSS_MM = 5.0, 3.0, 6.0
 """mm beside and behind a tube's axis, where jaws open that are led under it; and how far they are
 led."""
+EDGE_MM = 3.0
+"""mm to the side of what holds two tubes together, where jaws part it from its edge, fewer at a
+time: in its middle all hold at once, and a wall nears its break before they part."""
 BENT_PAST_MM = 2.0
 """mm beyond a tube's axis, to which a bent tip passes behind it."""
 AGAIN, FORGOTTEN = 0.3, 60
@@ -100,11 +103,14 @@ class PartingPlaces:
 
     def _in_reach(self, view: CriticalView, which: Ints) -> Ints:
         """Return those of the triangle's strands that are parted before others, if any are."""
-        # A dissector parts what is between tubes first, then what is under the cystic duct.
-        strands, cystic = self._tissue.tubes.strands, self._safety.cystic
-        first = strands.to[which] >= 0
+        # A dissector parts what is between tubes first, then what is under the cystic duct; what
+        # holds the artery last, which comes along and nears its break.
+        tubes, cystic = self._tissue.tubes, self._safety.cystic
+        of, to = tubes.strands.tubes[which], tubes.strands.to[which]
+        arteries = [tubes.names.index(each) for each in self._safety.tubes_of["cystic artery"]]
+        first = (to >= 0) & ~np.isin(of, arteries) & ~np.isin(to, arteries)
         if view.triangle >= OPENED:
-            first |= strands.tubes[which] == self._tissue.tubes.names.index(cystic)
+            first |= of == tubes.names.index(cystic)
         return which[first] if view.triangle < SOME and first.any() else which
 
     def _groups(self, which: Ints) -> list[Ints]:
@@ -140,6 +146,8 @@ class PartingPlaces:
             # Strands of one pair all lead from one tube to the other, but some the other way round.
             along = _main_direction((strands.feet[group] - strands.ends[group])[near])
             place[2] = middles[near, 2].mean() - (0.0 if where == "deep" else PAST_MM)
+            if where == "between":
+                place = self._at_edge(place, along)
             along = self._roomy_side(place, along) if where == "deep" else along
         if where in {"behind", "deep"}:
             beside = BESIDE_MM * along
@@ -156,6 +164,13 @@ class PartingPlaces:
         common = beam.places[beam.nodes_of(self._safety.common)]
         off = axis - common[((common - axis) ** 2).sum(axis=1).argmin()]
         return side if float(off @ side) > 0.0 else -side
+
+    def _at_edge(self, place: Floats, along: Floats) -> Floats:
+        """(3,) where jaws part from the edge of what holds there, with no less room, mm."""
+        side = self._roomy_side(place, along)
+        places = place + np.arange(0.0, EDGE_MM + 0.1, 0.5)[:, None] * side
+        room = self._room(places)
+        return places[np.flatnonzero(room >= room[0])[-1]]
 
     def _roomy_side(self, place: Floats, along: Floats) -> Floats:
         """(3,) from which side, across a direction, a bent tip comes to a place."""

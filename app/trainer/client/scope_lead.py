@@ -561,8 +561,9 @@ class ScopeLead:
             self._say_stopped(PUSHED, f"the jaws push with {push:.0f} N")
             return
         crushed = self._crushes[hand]
-        # From where closing jaws strain a wall to where that is slack they wait.
-        self._crushes[hand] = stops and goal < opened and (rises or crushed)
+        # From where closing jaws strain a wall to where that is slack, or they touch nothing, they
+        # wait.
+        self._crushes[hand] = stops and goal < opened and push > 0.0 and (rises or crushed)
         if self._crushes[hand]:
             if not crushed:
                 self._say_stopped(CLOSED_ON)
@@ -698,6 +699,8 @@ class ScopeLead:
         return state.playback is None and not state.refuses(self.hand) and not state.is_closed()
 
     def _speed(self, holder: Hand, strains: bool) -> float:
+        if holder.instrument in PARTS and holder.opening > 0.0:
+            return PARTS_MM_S  # they part what they are led through
         slow = strains or holder.node is not None
         return HOLDS_MM_S if slow else LEAD_MM_S[holder.instrument]
 
