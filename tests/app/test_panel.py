@@ -4,6 +4,7 @@ import asyncio
 import re
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from queue import Queue
 from typing import Any
 from unittest.mock import MagicMock
@@ -15,7 +16,7 @@ from simulated import bed_session, phantom, pull_session
 
 from app.simulation import Incident, Series, Session
 from app.trainer.panel.controls import on_work
-from app.trainer.panel.debrief import Debrief, Done
+from app.trainer.panel.debrief import DIGIT, LEFT, WIDTH, Debrief, Done
 from app.trainer.panel.exercise_tab import AWAITED, NONE, ExerciseTab
 from app.trainer.panel.force_box import ForceBox
 from app.trainer.panel.last_seconds import IDLE_SECONDS, SECONDS, LastSeconds
@@ -107,19 +108,34 @@ def test_a_limit_of_what_is_counted_is_told_as_a_count() -> None:
     assert "'>15</td>" in table
 
 
-def test_errors_close_together_are_marked_and_only_the_first_is_numbered(gui: viser.GuiApi) -> None:
+def test_errors_are_numbered_where_there_is_room_beside_their_marks(gui: viser.GuiApi) -> None:
+    """No number lies on a mark or on another, or is cut off at the picture's edge."""
     play = MagicMock()
     debrief = Debrief(gui, None, "", {}, play, play, decided=None, in_space=True)
     found = [
-        Incident("repeated_holds", at, at, hand, 0, 20.0, "none", {"n": 3.0, "x": 20.0})
-        for at, hand in ((10.0, 0), (10.2, 0), (10.4, 1), (500.0, 0))
-    ]
+        Incident("repeated_holds", start, end, hand, 0, 20.0, "none", {"n": 3.0, "x": 20.0})
+        for start, end, hand in (
+            (10.0, 10.0, 0), (10.2, 10.2, 0), (10.4, 10.4, 1), (500.0, 520.0, 0), (560.0, 640.0, 0),
+            (1160.0, 1167.0, 0),
+        )
+    ]  # fmt: skip
     metrics: Any = {"time_s": 1167.2, "smallest_distance_to_break": 0.5}
     debrief.show(Done(metrics, found, Series((), ())))
     drawn = str(debrief._html.content)
-    assert drawn.count("<rect") == len(found)
-    marks = re.findall(r"<rect.*?<text[^>]*>(\d*)</text>", drawn)
-    assert marks == ["1", "", "3", "4"]  # the other hand has a row of its own
+    pattern = (
+        r"<rect x='([\d.]+)' y='([\d.]+)' width='([\d.]+)'[^>]*/>"
+        r"(?:<text x='([\d.]+)'[^>]*>(\d+)</text>)?</g>"
+    )
+    marks = re.findall(pattern, drawn)
+    # The other hand has a row of its own.
+    assert [number for *_, number in marks] == ["1", "", "3", "4", "5", "6"]
+    bars = [(row, float(x), float(x) + float(wide)) for x, row, wide, *_ in marks]
+    numbers = [(row, float(at), float(at) + DIGIT) for _, row, _, at, number in marks if number]
+    for row, low, high in numbers:
+        assert LEFT <= low < high <= WIDTH
+        assert all(high <= x or low >= end for other, x, end in bars if other == row)
+    for (row, _, high), (other, low, _) in pairwise(sorted(numbers)):
+        assert row != other or high <= low
     assert ">1,167</text>" in drawn
 
 

@@ -32,8 +32,8 @@ MOST_ERRORS = 12
 MOST_POINTS = 300
 WIDTH, HEIGHT, LEFT, ROW = 260.0, 80.0, 30.0, 15.0
 """px of the picture, of its curve, of the room left of it, and of a hand's row of marks."""
-NUMBER = 13.0
-"""px of an error's number beside its mark."""
+DIGIT = 6.0
+"""px of a digit of an error's number beside its mark."""
 LIST_PX = 140
 """Height of the list of errors, which scrolls: all else fits beside it on a small screen."""
 HANDS = ("left hand", "right hand")
@@ -354,22 +354,32 @@ def _timeline_html(
         for level in (0.0, 1.0)
     ]
     rows = HANDS if in_space else ("errors",)
-    named: list[list[float]] = [[] for _ in rows]  # where a row's numbers stand
-    for number, (each, uuid) in enumerate(zip(incidents, moments, strict=True), 1):
-        row = each.hand if in_space and each.hand is not None else 0
+    spans = [(x(each.start_s), max(x(each.end_s), x(each.start_s) + 3.0)) for each in incidents]
+    row_of = [each.hand or 0 if in_space else 0 for each in incidents]
+    taken = [
+        [span for span, at in zip(spans, row_of, strict=True) if at == row]
+        for row in range(len(rows))
+    ]
+    for number, ((start, stop), row, uuid) in enumerate(
+        zip(spans, row_of, moments, strict=True), 1
+    ):
         top = HEIGHT + 5.0 + ROW * row
-        start, stop = x(each.start_s), max(x(each.end_s), x(each.start_s) + 3.0)
-        # The more important ones come first: where one stands, no other has room.
-        beside_it = stop + 2.0
+        # Beside its mark, or before it; the more important ones come first.
+        wide = DIGIT * len(str(number))
+        places = [(stop + 2.0, stop + 2.0 + wide), (start - 2.0 - wide, start - 2.0)]
+        free = (
+            (low, high) for low, high in places
+            if low >= LEFT and high <= WIDTH and all(high <= a or low >= b for a, b in taken[row])
+        )  # fmt: skip
+        room = next(free, None)
         name = ""
-        if all(abs(beside_it - at) >= NUMBER for at in named[row]):
-            name = f"{number}"
-            named[row].append(beside_it)
+        if room is not None:
+            taken[row].append(room)
+            name = f"<text x='{room[0]:.1f}' y='{top + 9}'>{number}</text>"
         phrases.append(
             f"<g data-command='{uuid}' style='cursor:pointer'>"
             f"<rect x='{start:.1f}' y='{top}' width='{stop - start:.1f}' height='{ROW - 5}' "
-            f"rx='2' fill='{HAND_COLOURS[row]}'/>"
-            f"<text x='{beside_it:.1f}' y='{top + 9}'>{name}</text></g>"
+            f"rx='2' fill='{HAND_COLOURS[row]}'/>{name}</g>"
         )
     bottom = HEIGHT + 7.0 + ROW * len(rows)
     phrases += [
