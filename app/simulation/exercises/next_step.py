@@ -39,19 +39,19 @@ UNDER = (
 CLOSE = "Next: close the right hand's {} (G)."
 CLOSE_FEW = "Next: close the right hand's {} (G): few strands have parted, a wall lies in its jaws."
 AS_IT_CAME = "Next: lead the right hand's {} back as it came, into the ring."
-BACK = "Next: draw the right hand's {} out of the tissue (wheel back), into the ring."
+BACK = "Next: draw the right hand's {} out of the tissue (wheel back), to the ring."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
 DRAW_ASIDE = (
-    "Next: draw the {} aside with the left hand's grasper: follow the ring slowly, to {:.0f} of "
-    "{:.0f} mm."
+    "Next: draw the {} aside with the left hand's grasper: follow the ring slowly for "
+    "{:.0f} mm, {:.0f} in all."
 )
 DRAW_OFF = (
-    "Next: draw the {} off the liver with the left hand's grasper: follow the ring slowly, to "
-    "{:.0f} of {:.0f} mm."
+    "Next: draw the {} off the liver with the left hand's grasper: follow the ring slowly for "
+    "{:.0f} mm, {:.0f} in all."
 )
 LIFT = (
-    "Next: lift the {} with the left hand's grasper: follow the ring slowly, to {:.0f} of "
-    "{:.0f} mm."
+    "Next: lift the {} with the left hand's grasper: follow the ring slowly for {:.0f} mm, "
+    "{:.0f} in all."
 )
 TO_RING = " towards the ring"
 """Where to it is let back, if that is known."""
@@ -59,7 +59,9 @@ LET_BACK = (
     "Next: let the {} back into the ring with the left hand: what still holds it may give way at "
     "once."
 )
-LET_GO = "Next: let go of the {} with the left hand's grasper (G)."
+LET_GO = "Next: let go of the {} with the left hand's grasper (G){}."
+STAYS_TAUT = ": the {} stays strained"
+"""Why, if it is not to take hold elsewhere."""
 LIFTED = (
     "Next: let go of the {} with the left hand's grasper (G): it is lifted, and what is slack "
     "leaves jaws room."

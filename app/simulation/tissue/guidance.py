@@ -24,6 +24,7 @@ from app.simulation.exercises.next_step import (
     LIFT,
     LIFTED,
     SLACKEN,
+    STAYS_TAUT,
     TAKE_HOLD,
     TO_RING,
     WITHDRAW,
@@ -207,7 +208,7 @@ class Guidance:
             return NextStep(TAKE_HOLD.format(name), strands, place=place, hand=LEFT)
         if pulling.start is None:
             if self._held_for is not None:  # it is held elsewhere
-                return NextStep(LET_GO.format(name), strands, hand=LEFT)
+                return NextStep(LET_GO.format(name, ""), strands, hand=LEFT)
             pulling.start = self._held_from = held
         # What can be pulled no harder has been drawn.
         pulling.drawn |= self.tissue.grip_ratio(self._holder or 0) > GRIPPED
@@ -276,7 +277,7 @@ class Guidance:
         held = tube_title(self.tissue.tubes.names[hand.tube])
         # What is taut again and again is not held while the other hand withdraws.
         if self._jaws is not None and self._jaws.strained_often:
-            return NextStep(LET_GO.format(held), self._strands, hand=LEFT)
+            return NextStep(LET_GO.format(held, STAYS_TAUT.format(wall)), self._strands, hand=LEFT)
         back = self._held_from
         words = SLACKEN.format(held, "" if back is None else TO_RING, 100.0 * EASED, wall)
         place = None if back is None else three(back)

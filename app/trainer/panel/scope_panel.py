@@ -134,9 +134,10 @@ ALWAYS = ("Z", "V")
 """Keys that act while a replay is shown, too."""
 TEXT = """\
 **The mouse.** Press in the picture and the tip goes under the pointer; drag to lead it. The
-**wheel** takes it in and out along its shaft. The **right button**, or **G**, uses the instrument.
-With a **finger** drag; two fingers spread or pinch to take it in and out. Led **by its handle**, as
-in the theatre, an instrument turns about its trocar: the tip goes the other way.
+**wheel** takes it in along its shaft (roll it away from you) and out. The **right button**, or
+**G**, uses the instrument. With a **finger** drag; two fingers spread or pinch to take it in and
+out. Led **by its handle**, as in the theatre, an instrument turns about its trocar: the tip goes
+the other way.
 
 **A gamepad.** The left stick moves the tip in the picture, the right one takes it in and out and
 turns the jaws. **A** uses the instrument, **B** goes on to the other hand, **X** to the next
@@ -361,7 +362,7 @@ class ScopePanel:
         led = f"{HANDS[hand].lower()}, {holder.instrument}"
         touched = 0 if holder.instrument in HOLDING else tissue.touched(hand)
         if touched and self._state.figures_visible:
-            led = f"{led}, {touched} strands"
+            led = f"{led}, {touched} strand{'s' * (touched > 1)}"
         grip = tissue.grip_ratio(hand)
         if grip and self._state.figures_visible:
             led = f"{led}, {GRIP_N * grip:.1f} of {GRIP_N:.0f} N"
