@@ -97,7 +97,7 @@ from app.simulation.specimen.tear import (
 from app.simulation.specimen.tubes import Tubes
 from app.simulation.tissue.guidance import Guidance
 from app.simulation.tissue.held_pull import pull_and_hold
-from app.simulation.tissue.jaw_steps import IN_RING_MM, STOPS_AT, TURNED, turn_off
+from app.simulation.tissue.jaw_steps import GRIPS_AT, IN_RING_MM, STOPS_AT, TURNED, turn_off
 from app.simulation.tissue.planar_tissue import PlanarTissue
 from app.simulation.tissue.reached_tube import (
     REACH,
@@ -138,6 +138,7 @@ __all__ = [
     "FEW",
     "FIELD_OF_VIEW",
     "FRONT_SECONDS",
+    "GRIPS_AT",
     "GRIP_N",
     "HANDS",
     "HAND_SPEED",

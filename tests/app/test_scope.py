@@ -30,6 +30,7 @@ from app.simulation import (
     NextStep,
     Phase,
     Replay,
+    Safety,
     Session,
     Sights,
     Specimen,
@@ -43,8 +44,11 @@ from app.simulation import (
     run_json,
     seen_beside,
 )
+from app.simulation.exercises.next_step import PRESSES
 from app.simulation.inputs.trocar import DEEPEST, LENGTH
 from app.simulation.tissue.guidance import EASED, STAGE_MM, STAGES
+from app.simulation.tissue.jaw_steps import LEFT_MM, JawSteps
+from app.simulation.tissue.parting import PartingPlaces
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import (
     BENT_STEADY,
@@ -579,6 +583,37 @@ def test_jaws_push_no_harder_than_a_grasper_holds(lead: ScopeLead) -> None:
     title, advice = cast(MagicMock, lead._state.client.add_notification).call_args.args
     assert title == "Stopped: the jaws push with 11 N"
     assert advice == PUSHED
+
+
+def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None:
+    """Else opening them is asked for again and again, which the trainer stops each time."""
+    session, tissue = lead.session, lead.session.spatial
+    session.start_exercise(critical_view())
+    lead.choose_instrument(1, "dissector")
+    safety = Safety(tissue)
+    places = PartingPlaces(safety)
+    site = places.best(safety.critical_view(), "triangle")
+    assert site is not None
+    jaws, hand = JawSteps(tissue, places, site), tissue.hands[1]
+    hand.put(places.place_of(site))
+    shaft = TROCARS[1].shaft(hand.place)
+    hand.aim, hand.spread = tuple(shaft.tolist()), tuple(_across(site.along, shaft).tolist())
+    jaws.follow()
+    assert jaws.next_step().words.startswith("Next: open the right hand's dissector (G)")
+    tissue._forces = [[0.0] * 3, [GRIPS_AT * GRIP_N + 0.1, 0.0, 0.0]]
+    jaws.follow()
+    step = jaws.next_step()
+    assert step.words == PRESSES.format("dissector")
+    assert len(step.words.split()) <= 25
+    assert not jaws.is_over
+    hand.put(hand.place + (LEFT_MM + 0.1) * shaft)
+    assert jaws.is_over
+    assert jaws.tried  # so that it is asked for less
+
+
+def _across(along: np.ndarray, shaft: np.ndarray) -> np.ndarray:
+    across = along - float(along @ shaft) * shaft
+    return across / math.sqrt(float(across @ across))
 
 
 def critical_view() -> Exercise:

@@ -71,6 +71,10 @@ SLACKEN = (
     "the {} is strained."
 )
 WITHDRAW = "Next: draw the right hand's {} back a little, as it came: it strains the {}."
+PRESSES = (
+    "Next: draw the right hand's {} out of the tissue (wheel back): it presses too hard for jaws "
+    "to part."
+)
 MARK = "Next: mark the {}: choose it under Point at, and press it in the picture (K, then G)."
 CLIP = (
     "Next: clip the {} {} the gallbladder, clip applier in the right hand; turn (J, L) a jaw to "

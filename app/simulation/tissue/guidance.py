@@ -135,15 +135,19 @@ class Guidance:
         strained = self._strained()
         if strained is not None:
             return strained
-        if self._jaws is None:
-            site = self._places.best(view, part)
-            if site is None:
-                return None
-            self._jaws = JawSteps(self.tissue, self._places, site)
-        if self._pulling is None and not self._jaws.begun:
-            self._pulling = self._pull_for(view, self._jaws.site)
-        step = self._let_back(view) if self._pulling is None else self._pull_step(self._pulling)
-        return self._jaws.next_step() if step is None else step
+        while True:
+            if self._jaws is None:
+                site = self._places.best(view, part)
+                if site is None:
+                    return None
+                self._jaws = JawSteps(self.tissue, self._places, site)
+            if self._pulling is None and not self._jaws.begun:
+                self._pulling = self._pull_for(view, self._jaws.site)
+            if self._pulling is None:
+                return self._let_back(view) or self._jaws.next_step()
+            step = self._pull_step(self._pulling)
+            if step is not None:
+                return step
 
     def _follow(self) -> None:
         """Note what hands have done, and what is asked for no more."""
@@ -238,6 +242,9 @@ class Guidance:
     def _end_pull(self) -> None:
         if self._pulling is not None:
             self._held_for, self._pulling, self._tries = self._pulling.pull, None, 0
+        # What was drawn lies otherwise now: where jaws part, and along what, is found anew.
+        if self._jaws is not None and not self._jaws.begun:
+            self._jaws = None
 
     def _strained(self) -> NextStep | None:
         """Return how a wall is slackened that is too taut for jaws to have room, if one is."""

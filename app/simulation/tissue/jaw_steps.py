@@ -16,12 +16,13 @@ from app.simulation.exercises.next_step import (
     OPENS,
     PART,
     PASS,
+    PRESSES,
     TURN,
     UNDER,
     WITHDRAW,
     NextStep,
 )
-from app.simulation.inputs.hand import Hand
+from app.simulation.inputs.hand import GRIP_N, Hand
 from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.parting import PartingPlaces, Site
@@ -38,6 +39,9 @@ MOST_STRAINED = 1
 """How often a wall may be too taut at a place."""
 TAUT, STOPS_AT = 0.6, 0.7
 """Of a wall's break, from which on jaws are led no further, and what strains it stops."""
+GRIPS_AT = 0.9
+"""Of the pull at which tissue slips out of a grasper, from which on that pulls no harder, and jaws
+part no further: they would push what it holds out of it, or all that still holds off at once."""
 IN_RING_MM, LEFT_MM, OUT_MM = 2.0, 5.0, 8.0
 """mm off a ring's middle, within which a tip is in it, from which on it has left it, and from which
 on jaws that have parted tissue there are out of that."""
@@ -64,6 +68,7 @@ class JawSteps:
         self._state: State = "to come"
         self._opening = 0.0  # mm, at the last judgement
         self._broken = tissue.beam.broken
+        self._pressed = False  # whether the tip has pressed too hard here for jaws to part
         self.strained = 0
         """How often a wall was too taut meanwhile."""
 
@@ -93,7 +98,7 @@ class JawSteps:
         if hand is not None and min(math.dist(hand.place, each) for each in places) < far:
             return False
         if not self.begun:
-            return self.strained_often or not self._places.left(self.site)
+            return self._gives_up or not self._places.left(self.site)
         return hand is None or not hand.opening
 
     @property
@@ -104,7 +109,11 @@ class JawSteps:
     @property
     def tried(self) -> bool:
         """Whether the place is to be asked for less from now on."""
-        return self.begun or self.strained_often
+        return self.begun or self._gives_up
+
+    @property
+    def _gives_up(self) -> bool:
+        return self.strained_often or self._pressed
 
     def follow(self) -> None:
         """Note how far the jaws have come."""
@@ -114,8 +123,11 @@ class JawSteps:
         opens = hand.opening > self._opening + MOVES_MM
         closes, self._opening = hand.opening < self._opening - MOVES_MM, hand.opening
         if not self.begun:
+            force = math.hypot(*self._tissue.forces[RIGHT])
             if hand.opening and math.dist(hand.place, place) < LEFT_MM:
                 self._state = "opening"
+            elif force > GRIPS_AT * GRIP_N and self._is_at(self._beside):
+                self._pressed = True
             elif site.beside is not None and self._is_at(self._beside):
                 self._state = "beside"
         elif not hand.opening:
@@ -149,6 +161,8 @@ class JawSteps:
                 return self.withdrawn(tube_title(self._tissue.most_stressed))
             close = CLOSE_FEW if self.fruitless else CLOSE
             return self._step((OPENS if self._state == "opening" else close).format(tool))
+        if self._pressed:
+            return self._step(PRESSES.format(tool))
         beside = self._state == "beside"
         place = self._place if beside else self._beside
         if hand is not None and math.dist(hand.place, place) < IN_RING_MM:

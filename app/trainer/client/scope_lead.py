@@ -13,6 +13,7 @@ from app.simulation import (
     CLIP_OPENING,
     FIELD_OF_VIEW,
     GRIP_N,
+    GRIPS_AT,
     HOLDING,
     IN_RING_MM,
     STOPS_AT,
@@ -49,9 +50,6 @@ CLOSES_SLOWLY_AT = 0.5
 """Of a wall's break, from which on jaws close as slowly as they part."""
 INSISTS = 0.03
 """Of a wall's break, how much more than there is at a stop each key or click allows."""
-GRIPS_AT = 0.9
-"""Of the pull at which tissue slips out of a grasper, from which on that pulls no harder, and jaws
-part no further: they would push what it holds out of it, or all that still holds off at once."""
 RISES = 0.003
 """Of a wall's break in a tick, by which what a hand does strains it, whatever its force is."""
 GIVES_MM = 0.1
