@@ -11,7 +11,7 @@ network to `clone.onnx`; the trainer plays the one, and the other acts beside yo
     bluntdissect trainer --policy clone.onnx
 """
 
-import sys
+import argparse
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -153,7 +153,12 @@ def judge(name: str, act: Act) -> None:
 
 
 def main() -> None:
-    network = Network(*demonstrations(Path(sys.argv[1])))
+    parser = argparse.ArgumentParser(description="Fit a network to demonstrations, and judge it.")
+    parser.add_argument("folder", type=Path, help="of `bluntdissect dataset --exercise window`")
+    folder = parser.parse_args().folder
+    if not folder.is_dir():
+        parser.error(f"there is no folder {folder}: bluntdissect dataset -o {folder} makes it")
+    network = Network(*demonstrations(folder))
     network.save(Path("clone.onnx"))
     space = Task().action_space
     space.seed(1)
