@@ -597,7 +597,8 @@ def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None
     jaws, hand = JawSteps(tissue, places, site), tissue.hands[1]
     hand.put(places.place_of(site))
     shaft = TROCARS[1].shaft(hand.place)
-    hand.aim, hand.spread = tuple(shaft.tolist()), tuple(_across(site.along, shaft).tolist())
+    across = site.along - float(site.along @ shaft) * shaft
+    hand.aim, hand.spread = tuple(shaft.tolist()), tuple(across.tolist())
     jaws.follow()
     assert jaws.next_step().words.startswith("Next: open the right hand's dissector (G)")
     tissue._forces = [[0.0] * 3, [GRIPS_AT * GRIP_N + 0.1, 0.0, 0.0]]
@@ -609,11 +610,6 @@ def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None
     hand.put(hand.place + (LEFT_MM + 0.1) * shaft)
     assert jaws.is_over
     assert jaws.tried  # so that it is asked for less
-
-
-def _across(along: np.ndarray, shaft: np.ndarray) -> np.ndarray:
-    across = along - float(along @ shaft) * shaft
-    return across / math.sqrt(float(across @ across))
 
 
 def critical_view() -> Exercise:

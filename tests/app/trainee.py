@@ -244,9 +244,7 @@ class Trainee:
         self.straight_to(start)
         begun = self.tip.copy()
         self.straight_to(end)
-        self.use()
-        if self.session.spatial.hands[1].target_opening > 0.0:
-            self.use()
+        self._part_and_close()
         self.straight_to(begun)  # where jaws close that wait
         self.wheel(-6)
 
@@ -257,10 +255,13 @@ class Trainee:
         self.drag(place)
         self.turn_to(direction)
         self.to(place)
+        self._part_and_close()
+        self.wheel(-6)
+
+    def _part_and_close(self) -> None:
         self.use()
         if self.session.spatial.hands[1].target_opening > 0.0:
             self.use()
-        self.wheel(-6)
 
     def sweep(self, places: list[Floats]) -> None:
         """Lead the closed dissector from place to place, and withdraw."""

@@ -45,8 +45,6 @@ part no further: they would push what it holds out of it, or all that still hold
 IN_RING_MM, LEFT_MM, OUT_MM = 2.0, 5.0, 8.0
 """mm off a ring's middle, within which a tip is in it, from which on it has left it, and from which
 on jaws that have parted tissue there are out of that."""
-OUT_OF_IT_MM = 2.0
-"""mm farther out than that, where the ring is that they are drawn back into."""
 TURNED = math.radians(20.0)
 """Off a ring's bar, within which jaws lie along it."""
 LEAST_ACROSS = 0.2
@@ -155,7 +153,8 @@ class JawSteps:
         if self.begun:
             if self._state == "to withdraw":
                 shaft = TROCARS[RIGHT].shaft(self._beside)
-                return self._step(BACK.format(tool), self._beside + (OUT_MM + OUT_OF_IT_MM) * shaft)
+                # Who is in that ring is out of the tissue.
+                return self._step(BACK.format(tool), self._beside + (OUT_MM + IN_RING_MM) * shaft)
             if self._state == "closing" and self._tissue.stress_ratio > TAUT:
                 # Jaws that close on a wall close once they are drawn off it.
                 return self.withdrawn(tube_title(self._tissue.most_stressed))

@@ -148,7 +148,8 @@ class PartingPlaces:
             place[2] = middles[near, 2].mean() - (0.0 if where == "deep" else PAST_MM)
             if where == "between":
                 place = self._at_edge(place, along)
-            along = self._roomy_side(place, along) if where == "deep" else along
+            elif where == "deep":
+                along = self._roomy_side(place, along)
         if where in {"behind", "deep"}:
             beside = BESIDE_MM * along
         offset = place - middles[at]
@@ -173,7 +174,7 @@ class PartingPlaces:
         return places[np.flatnonzero(room >= room[0])[-1]]
 
     def _roomy_side(self, place: Floats, along: Floats) -> Floats:
-        """(3,) from which side, across a direction, a bent tip comes to a place."""
+        """(3,) to which side of a place, across a direction, there is more room."""
         side = _across(along)
         room = self._room(np.array([place + BESIDE_MM * side, place - BESIDE_MM * side]))
         return side if room[0] > room[1] else -side
