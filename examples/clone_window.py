@@ -9,6 +9,8 @@ network to `clone.onnx`; the trainer plays the one, and the other acts beside yo
 
     bluntdissect trainer --replay clone.json
     bluntdissect trainer --policy clone.onnx
+
+With `--curve curve.png` it is judged while it learns, too, and the learning curve is drawn.
 """
 
 import argparse
@@ -28,7 +30,27 @@ from app.simulation import run_json
 KEYS = ("hands", "wall", "goal")
 HIDDEN, STEPS, RATE, NOISE = 64, 3000, 3e-3, 0.02
 UNSEEN, TIME_LIMIT_S = range(21, 41), 20.0
+CURVE_STEPS, CURVE_BEDS = (0, 30, 60, 120, 250, 500, 1000, STEPS), range(21, 31)
 Act = Callable[[dict[str, np.ndarray]], np.ndarray] | None
+
+
+def demonstrations_folder(text: str) -> Path:
+    """Return the folder that an argument names; raise where there is none."""
+    folder = Path(text)
+    if not folder.is_dir():
+        raise argparse.ArgumentTypeError(
+            f"there is no folder {folder}: bluntdissect dataset -o {folder} makes it"
+        )
+    return folder
+
+
+def arguments(description: str) -> argparse.ArgumentParser:
+    """Return a parser that knows the folder of demonstrations."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument(
+        "folder", type=demonstrations_folder, help="of `bluntdissect dataset --exercise window`"
+    )
+    return parser
 
 
 def demonstrations(folder: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -44,9 +66,18 @@ def demonstrations(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Network:
-    """Two hidden layers of tanh, fitted by Adam (Kingma and Ba 2015)."""
+    """Two hidden layers of tanh, fitted by Adam (Kingma and Ba 2015).
 
-    def __init__(self, seen: np.ndarray, done: np.ndarray, seed: int = 0) -> None:
+    `watch` is called with the network and the number of steps, before the first and after each.
+    """
+
+    def __init__(
+        self,
+        seen: np.ndarray,
+        done: np.ndarray,
+        watch: Callable[["Network", int], None] = lambda *_: None,
+        seed: int = 0,
+    ) -> None:
         draw = np.random.default_rng(seed)
         self.mean, self.scale = seen.mean(axis=0), np.maximum(seen.std(axis=0), 0.2)
         sizes = [seen.shape[1], HIDDEN, HIDDEN, done.shape[1]]
@@ -56,6 +87,7 @@ class Network:
         ]
         first = [np.zeros_like(each) for each in self.layers]
         second = [np.zeros_like(each) for each in self.layers]
+        watch(self, 0)
         for step in range(1, STEPS + 1):
             rows = draw.integers(len(seen), size=256)
             x = (seen[rows] - self.mean) / self.scale
@@ -69,6 +101,7 @@ class Network:
                 second[k] += 1e-3 * (slope**2 - second[k])
                 mean, size = first[k] / (1 - 0.9**step), second[k] / (1 - 0.999**step)
                 self.layers[k] -= RATE * mean / (np.sqrt(size) + 1e-8)
+            watch(self, step)
 
     def forward(self, x: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
         """Return each layer's inputs with a one, and what comes out."""
@@ -152,13 +185,51 @@ def judge(name: str, act: Act) -> None:
     )
 
 
+class LearningCurve:
+    """How many unseen beds a network passes as it learns, drawn into a picture."""
+
+    def __init__(self) -> None:
+        self._env = DissectionEnv(exercise="window", time_limit=TIME_LIMIT_S)
+        self._steps: list[int] = []
+        self._passed: list[int] = []
+
+    def watch(self, network: Network, step: int) -> None:
+        """Judge a network, at some of its steps."""
+        if step not in CURVE_STEPS:
+            return
+        passed = sum(episode(self._env, seed, network.act)["passed"] for seed in CURVE_BEDS)
+        self._steps.append(step)
+        self._passed.append(passed)
+        print(f"step {step}: {passed} of {len(CURVE_BEDS)} beds passed", flush=True)
+
+    def save(self, path: Path) -> None:
+        """Write the curve as a picture."""
+        from matplotlib.figure import Figure
+
+        figure = Figure((6.4, 4.0), layout="constrained")
+        axes = figure.subplots()
+        axes.plot(self._steps, self._passed, marker="o")
+        axes.set_xscale("symlog", linthresh=CURVE_STEPS[1])
+        axes.set_xticks(CURVE_STEPS, [str(step) for step in CURVE_STEPS])
+        axes.minorticks_off()
+        axes.set(
+            xlabel="Steps of the fit",
+            ylabel=f"Unseen beds passed (of {len(CURVE_BEDS)})",
+            ylim=(-0.3, len(CURVE_BEDS) + 0.3),
+        )
+        figure.savefig(path, dpi=150)
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Fit a network to demonstrations, and judge it.")
-    parser.add_argument("folder", type=Path, help="of `bluntdissect dataset --exercise window`")
-    folder = parser.parse_args().folder
-    if not folder.is_dir():
-        parser.error(f"there is no folder {folder}: bluntdissect dataset -o {folder} makes it")
-    network = Network(*demonstrations(folder))
+    parser = arguments("Fit a network to demonstrations, and judge it.")
+    parser.add_argument("--curve", type=Path, help="picture of beds passed against steps")
+    given = parser.parse_args()
+    if given.curve is None:
+        network = Network(*demonstrations(given.folder))
+    else:
+        curve = LearningCurve()
+        network = Network(*demonstrations(given.folder), curve.watch)
+        curve.save(given.curve)
     network.save(Path("clone.onnx"))
     space = Task().action_space
     space.seed(1)

@@ -9,23 +9,28 @@ it does not know yet would undo what the clone can. Then both learn, on beds 1 t
 costs as much as half a pass. What comes out is judged on beds never seen.
 """
 
-import argparse
 import time
 from pathlib import Path
 
 import gymnasium
 import numpy as np
-import torch  # pyright: ignore[reportMissingImports]  # not among what tests need
-from clone_window import KEYS, TIME_LIMIT_S, Network, demonstrations, judge
-from stable_baselines3 import PPO  # pyright: ignore[reportMissingImports]
-from stable_baselines3.common.callbacks import (  # pyright: ignore[reportMissingImports]
-    BaseCallback,
-)
-from stable_baselines3.common.env_util import (  # pyright: ignore[reportMissingImports]
-    make_vec_env,
-)
+from clone_window import KEYS, TIME_LIMIT_S, Network, arguments, demonstrations, judge
 
 from app.rl.environment import DissectionEnv
+
+try:
+    import torch  # pyright: ignore[reportMissingImports]  # not among what tests need
+    from stable_baselines3 import PPO  # pyright: ignore[reportMissingImports]
+    from stable_baselines3.common.callbacks import (  # pyright: ignore[reportMissingImports]
+        BaseCallback,
+    )
+    from stable_baselines3.common.env_util import (  # pyright: ignore[reportMissingImports]
+        make_vec_env,
+    )
+except ImportError:
+    raise SystemExit(
+        "refine_window.py needs Stable-Baselines3: pip install stable-baselines3"
+    ) from None
 
 ENVS, STEPS, CRITIC_STEPS, NOISE = 8, 512, 12_288, 0.08
 REWARD = {"time": -0.1, "errors": -0.5, "stress": 0.0}
@@ -67,8 +72,7 @@ def layers_of(model: PPO) -> list[torch.nn.Linear]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("folder", type=Path)
+    parser = arguments("Improve a cloned policy by PPO, and judge it.")
     parser.add_argument("--minutes", type=float, default=20.0)
     given = parser.parse_args()
     network = Network(*demonstrations(given.folder))

@@ -8,15 +8,18 @@ It searches the last layer of the network of `clone_window.py`, on beds 1 to 20 
 each generation; an error costs as much as half a pass. What comes out is judged on beds never seen.
 """
 
-import argparse
 import time
 from pathlib import Path
 
-import cma  # pyright: ignore[reportMissingImports]  # not among what tests need
 import numpy as np
-from clone_window import KEYS, TIME_LIMIT_S, Network, demonstrations, judge
+from clone_window import KEYS, TIME_LIMIT_S, Network, arguments, demonstrations, judge
 
 from app.rl.environment import DissectionVectorEnv
+
+try:
+    import cma  # pyright: ignore[reportMissingImports]  # not among what tests need
+except ImportError:
+    raise SystemExit("search_window.py needs cma: pip install cma") from None
 
 POPULATION, BEDS, SIGMA = 12, 4, 0.02
 REWARD = {"time": -0.1, "errors": -0.5, "stress": 0.0}
@@ -41,8 +44,7 @@ def returns(network: Network, layers: list[np.ndarray], envs: DissectionVectorEn
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("folder", type=Path)
+    parser = arguments("Improve a cloned policy by CMA-ES, and judge it.")
     parser.add_argument("--minutes", type=float, default=15.0)
     given = parser.parse_args()
     network = Network(*demonstrations(given.folder))

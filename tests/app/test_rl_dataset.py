@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from PIL import Image
 from program import refused
 from simulated import phantom, replayed
 
@@ -162,13 +163,19 @@ def test_the_example_learns_from_it_and_judges(
     assert error < 0.3 * done.var(axis=0).mean()
     monkeypatch.setattr(clone, "STEPS", 30)
     monkeypatch.setattr(clone, "UNSEEN", [21])
-    monkeypatch.setattr(sys, "argv", ["clone_window.py", str(made)])
+    monkeypatch.setattr(clone, "CURVE_STEPS", (0, 30))
+    monkeypatch.setattr(clone, "CURVE_BEDS", [21])
+    monkeypatch.setattr(sys, "argv", ["clone_window.py", str(made), "--curve", "curve.png"])
     monkeypatch.chdir(made)
     clone.main()
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split(":")[0] for line in lines] == ["clone", "random", "scripted"]
+    heads = [line.split(":")[0] for line in lines]
+    assert heads == ["step 0", "step 30", "clone", "random", "scripted"]
+    assert lines[0] == "step 0: 0 of 1 beds passed"
     assert (made / "clone.onnx").exists()
-    assert lines[2].startswith("scripted: 1 of 1 beds passed, 1 without an error")
+    assert lines[4].startswith("scripted: 1 of 1 beds passed, 1 without an error")
+    with Image.open(made / "curve.png") as picture:
+        assert picture.size == (960, 600)
 
 
 @pytest.mark.parametrize("exercise", ["follow_front", "free_scar"])
