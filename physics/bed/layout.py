@@ -85,8 +85,8 @@ class Rest:
     ends: Ints  # (E, 2) nodes of the elements
     turn: Floats  # (E, 2, 4) from the nodes' frames to the elements' at their ends
     held: Ints  # (N,) bits of what ends and the plane hold
-    nodes: Ints  # (S,) the strands' nodes, in order
-    others: Ints  # (S,) the nodes that their feet are on, -1 for the bed
+    nodes: NDArray[np.int32]  # (S,) the strands' nodes, in order
+    others: NDArray[np.int32]  # (S,) the nodes that their feet are on, -1 for the bed
     pairs: Ints  # (G, 4) as in the state
     order: NDArray[np.intp]  # (S,) their numbers in `strands`
     touching: Touching
@@ -193,8 +193,8 @@ class Rest:
             np.concatenate([np.stack([each[:-1], each[1:]], axis=1) for each in nodes]),
             np.concatenate(turns),
             held,
-            node[sort],
-            other[sort],
+            node[sort].astype(np.int32),
+            other[sort].astype(np.int32),
             pairs,
             sort,
             touching,

@@ -170,20 +170,18 @@ class Readings:
         """How many of them lay against a rod when they parted."""
         return int(self.state.sums[kernels.ROD_BROKEN])
 
-    @cached_property
-    def _tributary(self) -> Floats:
-        return self.strands.tributary_lengths[self.order]
-
     @property
     def freed(self) -> float:
         """Length of beam whose strands have parted, mm: the sum of their tributary lengths."""
-        return float(self._tributary[self.state.damage >= 1.0].sum())
+        parted = self.order[self.state.damage >= 1.0]
+        return float(self.strands.tributary_lengths[parted].sum())
 
     def freed_of(self, tube: str | None = None) -> float:
         """Return the length of a tube whose strands have parted, mm."""
         number = self._rest.tubes.index(self._rest.tube(tube))
-        mine = self.strands.tubes[self.order] == number
-        return float(self._tributary[mine & (self.state.damage >= 1.0)].sum())
+        parted = self.order[self.state.damage >= 1.0]
+        mine = parted[self.strands.tubes[parted] == number]
+        return float(self.strands.tributary_lengths[mine].sum())
 
     @cached_property
     def _stored_at(self) -> NDArray[np.int64]:

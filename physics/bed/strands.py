@@ -9,6 +9,7 @@ over several strands: brittle strands read too tough, by how far a front is trap
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ Ints = NDArray[np.int64]
 GRAIN = 2.0**-32
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Strands:
     """S strands: where they are at rest, and their law.
 
@@ -105,7 +106,7 @@ class Strands:
         """(S,) largest forces they bear, N."""
         return self.stiffness * self.yield_elongation
 
-    @property
+    @cached_property
     def tributary_lengths(self) -> Floats:
         """(S,) lengths of beam that they stand for, mm: half-way to the next stations either way.
 
@@ -122,6 +123,7 @@ class Strands:
                 halves = 0.5 * np.concatenate([gaps[:1], gaps])
                 after = 0.5 * np.concatenate([gaps, gaps[-1:]])
                 out[mine] = ((halves + after) / count)[which]
+        out.setflags(write=False)
         return out
 
     def forces(self, ends: Floats, feet: Floats, damage: Floats) -> Floats:

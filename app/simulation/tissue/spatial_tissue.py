@@ -193,7 +193,7 @@ class SpatialTissue:
         self.radius = float(self._rest.radius.mean())  # of the first tube, mm
         self.surface = self.tubes.surfaces[0]
         # Of tubes that were asked for: of each strand its bin, and the most that hold a free bin.
-        self._bins: dict[int, tuple[NDArray[np.int64], Floats]] = {}
+        self._bins: dict[int, tuple[NDArray[np.int16], Floats]] = {}
         # Hands go no farther than `REACH` beyond the frame's origin, the first tube and all others.
         places = [each.places for each in self.tubes.network.tubes.values()]
         ends = np.array([[0.0, 0.0, 0.0], [self.dissection.beam.span, 0.0, 0.0]])
@@ -1222,7 +1222,7 @@ class SpatialTissue:
         bins = max(1, round(span / BIN_MM))
         if tube not in self._bins:
             length = self.tubes.network.tubes[self.tubes.names[tube]].span
-            place = (surface.strands.stations * (bins / length)).astype(np.int64)
+            place = (surface.strands.stations * (bins / length)).astype(np.int16)
             place = np.minimum(place, bins - 1)
             count = np.bincount(place, minlength=bins).astype(np.float64)
             self._bins[tube] = place, (1.0 - FREED_FRACTION) * count

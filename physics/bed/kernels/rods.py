@@ -35,6 +35,7 @@ from physics.bed.kernels.vectors import (
     Bytes,
     Floats,
     Ints,
+    Nodes,
     Three,
     added,
     columns,
@@ -187,7 +188,7 @@ def strand_ends(
 
 
 @outer
-def set_arms(x: Floats, q: Floats, nodes: Ints, ends: Floats, strand: Floats, row: int) -> None:
+def set_arms(x: Floats, q: Floats, nodes: Nodes, ends: Floats, strand: Floats, row: int) -> None:
     """Write into three rows, from `row` on, the arms at which nodes are held at (S, 3) places, mm.
 
     Of nodes -1, which are the bed's, the rows are the places themselves.
@@ -205,7 +206,7 @@ def set_arms(x: Floats, q: Floats, nodes: Ints, ends: Floats, strand: Floats, ro
 
 
 @outer
-def turn_arms(q: Floats, nodes: Ints, strand: Floats, which: Ints, out: Floats) -> None:
+def turn_arms(q: Floats, nodes: Nodes, strand: Floats, which: Ints, out: Floats) -> None:
     """Write the arms of some strands as their nodes turn them now, (S, 3) mm."""
     for k in range(which.size):
         i = int(which[k])

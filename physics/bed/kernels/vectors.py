@@ -29,9 +29,8 @@ def inlined(function: F) -> F:
 
 
 Floats = NDArray[np.float64]
-
-
 Ints = NDArray[np.int64]
+Nodes = NDArray[np.int32]
 Bytes = NDArray[np.int8]
 
 
