@@ -1,7 +1,7 @@
 """The scene of a dissection: strands, stubs, instruments and colours are those of the physics."""
 
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from queue import Queue
 from types import SimpleNamespace
 from typing import Any, cast
@@ -11,14 +11,14 @@ import pytest
 import viser
 from browser import new_context
 from numpy.typing import NDArray
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 from program import LONGEST
 from simulated import bed_exercises, bed_session, phantom
 
 from app.simulation import Exercise, FreeLength, Instrument, Opening, Session, preset_named
 from app.trainer.scene.goal_band import GoalStretch
 from app.trainer.scene.tissue_scene import TissueScene
-from app.trainer.stage.strands import NUMBERS, PARTED
+from app.trainer.stage.strands import NUMBERS, PARTED, ROD_NUMBERS
 from physics.bed import kernels
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -75,7 +75,7 @@ def sent(scene: viser.SceneApi, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 def drawn_rows(drawn: TissueScene, count: int) -> NDArray[np.float32]:
     """Return what was sent last of each strand."""
     assert drawn._strands is not None
-    header = drawn._session.spatial.beam.state.rods.size
+    header = ROD_NUMBERS * len(drawn._session.spatial.beam.state.rods)
     return drawn._strands._sent.reshape(-1)[header : header + NUMBERS * count].reshape(-1, NUMBERS)
 
 
@@ -235,8 +235,9 @@ def test_both_looks_both_colours_and_a_tear_are_drawn_and_removed(
     assert left == []
 
 
-def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> None:
-    """A whole strand runs from foot to duct; a parted one's halves stay near their ends."""
+@contextmanager
+def strands_in_page(browser: Browser, session: Session) -> Iterator[Page]:
+    """Draw a session in a page of its own, until its strands are at rest there."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     context = new_context(browser, 500, 400)
     try:
@@ -247,11 +248,8 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1")
         client = connected.get(timeout=LONGEST)
-        session = bed_session(phantom(), vertices=600)
-        drawn = TissueScene(client, session, "plain")
-        lift(session, 7.0)
         reading = session.reading()
-        drawn.draw(reading)
+        TissueScene(client, session, "plain").draw(reading)
         ready = f"""() => {{
             const strands = window.bluntdissectStrands?.drawn.get('/bed/strands');
             if (!strands?.given || strands.moving) return false;
@@ -259,10 +257,27 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
             return parted === {reading.broken};
         }}"""
         page.wait_for_function(ready)
-        places = page.evaluate(
-            "() => Array.from("
-            "window.bluntdissectStrands.drawn.get('/bed/strands').ribbons.position)"
-        )
+        yield page
+        assert not errors, errors
+    finally:
+        context.close()
+        server.stop()
+
+
+def drawn_middles(page: Page, strands: int) -> NDArray[np.float64]:
+    """Return (strands, 8, 3) places along each strand as it is drawn, mm."""
+    places = page.evaluate(
+        "() => Array.from(window.bluntdissectStrands.drawn.get('/bed/strands').ribbons.position)"
+    )
+    return np.array(places).reshape(strands, 8, 2, 3).mean(axis=2)
+
+
+def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> None:
+    """A whole strand runs from foot to duct; a parted one's halves stay near their ends."""
+    session = bed_session(phantom(), vertices=600)
+    lift(session, 7.0)
+    with strands_in_page(browser, session) as page:
+        middles = drawn_middles(page, session.reading().strands)
         # In their first picture, too, films are where the threads are: the page may rest after it.
         moved, together = page.evaluate(
             """() => {
@@ -278,11 +293,6 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
         )
         assert moved
         assert together
-        assert not errors, errors
-    finally:
-        context.close()
-        server.stop()
-    middles = np.array(places).reshape(reading.strands, 8, 2, 3).mean(axis=2)
     state = session.spatial.beam.state
     ends = session.spatial.beam.strand_ends()[session.spatial.beam.order]
     feet = state.strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T
@@ -297,6 +307,25 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
     assert np.linalg.norm(middles[parted, :4] - ends[parted, None], axis=2).max() < 3.0
     on_bed = middles[parted, 4:] - middles[parted, -1:]
     assert np.linalg.norm(on_bed, axis=2).max() < 3.0
+
+
+def test_a_page_draws_strands_round_the_jaws_that_hold_them_aside(browser: Browser) -> None:
+    session = bed_session(phantom(), vertices=600)
+    session.choose_instrument(0, "dissector")  # which comes from where it is parked
+    put(session, "dissector", session.spatial.hands[0].place + np.array([0.0, 25.0, 0.0]), 9.0)
+    beam = session.spatial.beam
+    held = [beam.touched_by(jaw)[beam.order] for jaw in range(2)]
+    assert min(each.sum() for each in held) >= 20
+    assert session.reading().broken == 0
+    with strands_in_page(browser, session) as page:
+        middles = drawn_middles(page, session.reading().strands)
+    ends = beam.strand_ends()[beam.order]
+    for jaw, mine in enumerate(held):
+        rod, points = beam.state.rods[jaw], middles[mine]
+        out = np.cross(points - rod[:3], rod[kernels.SHAFT : kernels.SHAFT + 3])
+        nearest = np.linalg.norm(out, axis=2).min(axis=1)
+        assert (np.abs(nearest - rod[kernels.RADIUS]) < 0.6).all(), "they lie against it"
+        assert np.linalg.norm(points - ends[mine, None], axis=2).max() < 8.0
 
 
 def test_a_divided_duct_is_drawn_without_its_second_clamp(

@@ -253,7 +253,6 @@ class _PageStrands:
             toughness=strands.stiffness * strands.yield_elongation * strands.failure_elongation,
             pairs=film_pairs(strands.stations, surface.strand_angles()),
             rods=0,
-            header=0,
             stage=stage,
             fibres=1,
         )

@@ -218,9 +218,9 @@
 
     // The height of the bed at a place, pressed in by rods.
     pressed(x, y, z) {
-      const { rods } = this.bed, { given } = this;
+      const { rods, rodNumbers } = this.bed, { given } = this;
       for (let m = 0; m < rods; m++) {
-        const at = 8 * m;
+        const at = rodNumbers * m;
         if (given[at + 7] === 0) continue;
         const ux = given[at + 3], uy = given[at + 4], uz = given[at + 5], r = given[at + 6] + 0.15;
         const flat = Math.max(ux * ux + uy * uy, 1e-6);
@@ -254,8 +254,8 @@
 
     // Takes a strand's middle round the rod that it lies against: code 1 + 2 rod + (side > 0).
     bend(i, code) {
-      const { bed: { header }, given, middle, foot } = this;
-      const at = 8 * ((code - 1) >> 1), side = (code - 1) & 1 ? 1 : -1, a = header + 5 * i, b = 3 * i;
+      const { bed: { header, rodNumbers }, given, middle, foot } = this;
+      const at = rodNumbers * ((code - 1) >> 1), side = (code - 1) & 1 ? 1 : -1, a = header + 5 * i, b = 3 * i;
       const u = [given[at + 3], given[at + 4], given[at + 5]], r = given[at + 6];
       const from = k => given[a + k] - given[at + k], to = k => foot[b + k] - given[at + k];
       const p = [0, 1, 2].map(from), q = [0, 1, 2].map(to);
@@ -475,7 +475,8 @@
     drawn,
     show(name, bed) {
       const pairs = Array.from(numbers(bed.pairs), Math.round);
-      beds.set(name, { ...bed, feet: numbers(bed.feet), widths: numbers(bed.widths), pairs });
+      const header = bed.rods * bed.rodNumbers;
+      beds.set(name, { ...bed, header, feet: numbers(bed.feet), widths: numbers(bed.widths), pairs });
     },
     polish(name, gloss) { glosses.set(name, gloss); },
     remove(name) {

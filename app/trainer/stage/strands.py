@@ -23,8 +23,8 @@ NODE = "/bed/strands"
 SCRIPT = Path(__file__).with_suffix(".js")
 PARTED = -9.0
 """In place of how taut a strand is, of one that has parted."""
-NUMBERS = 5
-"""Streamed for each strand."""
+NUMBERS, ROD_NUMBERS = 5, kernels.IN_USE + 1
+"""Streamed for each strand, and for each rod, as the first columns of the state's."""
 # mm, and of how taut: less cannot be seen.
 LEAST_CHANGE = 0.01
 WIDTH = 0.05
@@ -38,7 +38,8 @@ FILM_WIDTH = 1.6
 class DrawnStrands:
     """S strands, the scene node `NODE`, in the stage's coordinates.
 
-    `numbers` are those that are streamed: `header` of `rods`, then five of each strand. `feet`,
+    `numbers` are those that are streamed: `ROD_NUMBERS` of each of `rods`, then `NUMBERS` of each
+    strand. `feet`,
     (S, 3), are in mm, `toughness`, (S,), in any unit, and `pairs`, (P, 2), are strands that films
     join. Their feet lie in the bed of `stage`; a strand is drawn with so many `fibres`.
     """
@@ -52,7 +53,6 @@ class DrawnStrands:
         toughness: NDArray[np.float64],
         pairs: NDArray[np.int64],
         rods: int,
-        header: int,
         stage: Stage,
         fibres: int,
     ) -> None:
@@ -65,7 +65,7 @@ class DrawnStrands:
         wear = {
             "count": len(feet),
             "rods": rods,
-            "header": header,
+            "rodNumbers": ROD_NUMBERS,
             "fibres": fibres,
             "feet": float32_text(feet),
             "widths": float32_text(widths),
@@ -117,7 +117,6 @@ class StrandsInBed(DrawnStrands):
             toughness=strand[kernels.STIFF] * strand[kernels.YIELD] * strand[kernels.FAILURE],
             pairs=film_pairs(beam.stations[nodes] + arm[0], np.arctan2(arm[1], -arm[2])),
             rods=rods.shape[0],
-            header=rods.size,
             stage=stage,
             fibres=fibres,
         )
@@ -134,12 +133,13 @@ def write_strands(
 ) -> NDArray[np.float32]:
     """Write the numbers that are streamed: all rods, then all strands in the beam's own order."""
     s = beam.state
+    header = ROD_NUMBERS * len(s.rods)
     if aside is None:
         aside = np.zeros((beam.strands.count, 3))
     if out is None:
-        out = np.zeros(s.rods.size + NUMBERS * beam.strands.count, np.float32)
-    out[: s.rods.size] = s.rods.reshape(-1)
-    _WRITE(s, aside, out[s.rods.size :])
+        out = np.zeros(header + NUMBERS * beam.strands.count, np.float32)
+    out[:header].reshape(-1, ROD_NUMBERS)[:] = s.rods[:, :ROD_NUMBERS]
+    _WRITE(s, aside, out[header:])
     return out
 
 
