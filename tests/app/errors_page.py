@@ -99,7 +99,7 @@ def page() -> str:
         specimen.bed.yield_mm, specimen.bed.failure_mm, float(beam.radius.mean()), None, None
     )
     failing = "\n".join(
-        f"| {name.replace('_', ' ')} | {', '.join(kind.errors)} |"
+        f"| {name.replace('_', ' ')} | {', '.join((*kind.errors, *kind.errors_at_end))} |"
         for name, kind in EXERCISES.items()
     )
     return (

@@ -109,7 +109,12 @@ def _exercise(
         title=kind.title,
         goal=goal,
         method=kind.method,
-        limits=(Limit("tear", 0), *(Limit(each, 0) for each in kind.errors), *limits),
+        limits=(
+            Limit("tear", 0),
+            *(Limit(each, 0) for each in kind.errors),
+            *limits,
+            *(Limit(each, 0, at_end=True) for each in kind.errors_at_end),
+        ),
         opening=opening,
         instruments=kind.instruments,
         in_hand=kind.in_hand,

@@ -229,7 +229,7 @@ MANNERS: dict[str, dict[str, Technique]] = {
         "sideways": Follow(lean=math.radians(45.0)),
     },
     "free_scar": {
-        "good": Spread(held=1.0, beside=True),
+        "good": Spread(held=0.8, beside=True),
         "hasty": Spread(speed=20.0, beside=True),
         "clumsy": Spread(held=8.0 / 3.0, beside=True),
     },

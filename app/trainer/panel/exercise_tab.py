@@ -8,6 +8,7 @@ from app.simulation import (
     FEW,
     Exercise,
     Feedback,
+    Phase,
     Session,
     careful_run,
     exercises_offered,
@@ -153,7 +154,7 @@ class ExerciseTab:
                 if run.started
                 else "Ready. Time runs from your first touch."
             )
-            standing = run.standing.split("; ") if state.figures_visible else []
+            standing = [*run.standing.split("; "), *self._figures()] * state.figures_visible
             lines = "".join(f"<br>{html.escape(each[:1].upper() + each[1:])}" for each in standing)
             content = note(f"<b>{text}</b>{lines}{its}", "exercise-state")
             set_if_changed(self._status, content=content)
@@ -168,6 +169,15 @@ class ExerciseTab:
     def _has_hands(self) -> bool:
         """Whether scripted hands can do it."""
         return self._exercise is not None and has_careful_run(self._exercise)
+
+    def _figures(self) -> list[str]:
+        """Return what the panel shows above, and what may be scrolled out of sight."""
+        session = self._state.session
+        reading = session.reading()
+        if session.specimen.anatomy is not None or reading.phase is not Phase.INTACT:
+            return []
+        lifted = f", pulled out {reading.deflection:.1f} mm" if reading.held else ""
+        return [f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break{lifted}"]
 
     def _perform(self) -> None:
         """Play a careful performance of the exercise, by scripted hands."""
