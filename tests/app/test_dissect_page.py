@@ -118,6 +118,10 @@ def test_a_drag_lifts_the_duct_off_its_bed_and_the_read_out_tells_what_it_cost(
         assert session.reading().holding == (True, False)
         node = session.spatial.hands[0].node
         assert session.spatial.beam.stations[node] == pytest.approx(20.0, abs=1.5)
+        # Up in the picture is straight up off the bed, though the camera looks down on it.
+        across, up = session.spatial.hands[0].target[1:]
+        assert up > 3.0
+        assert across == pytest.approx(0.0, abs=0.05)
 
         def shown() -> None:
             reading = session.reading()
@@ -378,7 +382,7 @@ def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_pl
         drag(tab, dissections, view, aside(view, 20.0), (0.0, -30.0))
         tab.wait_until(lambda: target()[1] > 0.8)
         assert target()[2] == pytest.approx(0.0, abs=0.2)
-        # Without Shift the same drag goes on, now in the plane of the screen; a page that draws
+        # Without Shift the same drag goes on, now straight up off the bed; a page that draws
         # slowly takes its time to begin again.
         monkeypatch.setattr(drag_proxy, "SWITCH_SECONDS", 60.0)
         page.keyboard.up("Shift")

@@ -76,9 +76,9 @@ _HANDS = """\
 **The hands.** A **hook** takes the duct where you press and lets go with the mouse. A **grasper**
 does so too, and stays where you leave it until you let go (G). A **dissector** parts
 strands by opening its jaws behind the duct, a **swab** by sweeping. Press an instrument to lead it
-and to make its hand the active one. A drag moves it in the plane of the screen; with **Shift**,
-the right button or *Into the picture* it moves in depth. Drag beside the duct to look
-around, scroll to come nearer.
+and to make its hand the active one. A drag leads it along the duct and straight up off the bed;
+with **Shift**, the right button or *Into the picture* it goes in depth, across the duct. Drag
+beside the duct to look around, scroll to come nearer.
 """
 _FORCE = """\
 **By hand** the mouse leads the hook, and the beam answers with its force, shown at the arrow.

@@ -38,7 +38,7 @@ class Hold:
     # mm along the duct from its first clamp to the grab; None for an instrument
     station: float | None
     start: NDArray[np.float64]  # (3,) where it was grabbed, mm
-    # (3,) the mouse now, mm, in a plane through `start`: that of the pull, or the screen's
+    # (3,) the mouse now, mm, in the upright plane along the duct through `start`
     place: NDArray[np.float64]
     hand: int | None = None  # number of the instrument; None for the duct
 
@@ -100,9 +100,8 @@ class DragProxy:
 
     `grabbed` is called with the hold when a drag starts, `moved` whenever the hand has moved,
     `released` when the hand lets go or the duct cannot be held any more. They run in order on the
-    server's event loop, some twenty times a second, so they must only write inputs. `in_screen`
-    says whether what is held moves in the screen's plane or in that of the pull; it is set before
-    what it is for.
+    server's event loop, some twenty times a second, so they must only write inputs. `in_depth`
+    says whether what is held can also be led across that plane; it is set before what it is for.
     """
 
     def __init__(
@@ -113,7 +112,7 @@ class DragProxy:
         moved: Callable[[Hold], None],
         released: Callable[[], None],
     ) -> None:
-        self._client, self.in_screen = client, False
+        self._client, self.in_depth = client, False
         self._grabbed, self._moved, self._released = grabbed, moved, released
         self._tubes: list[_Tube] = []
         self._instruments: dict[str, tuple[int, viser.MeshHandle]] = {}
@@ -167,7 +166,7 @@ class DragProxy:
 
     def _listen(self, mesh: viser.MeshHandle, start: _Start) -> None:
         self._lead(mesh, start, button="left", modifier=None)
-        if self.in_screen:
+        if self.in_depth:
             self._lead(mesh, start, button="left", modifier="shift", depth=True)
             self._lead(mesh, start, button="right", modifier=None, depth=True)
 
@@ -208,15 +207,14 @@ class DragProxy:
                 self._grabbed(self._hold)
             elif self._hold is not None:
                 held = self._hold
-                if self.in_screen:
-                    moved = hand - begun
-                    place = at + (self._into_picture(moved) if into else moved)
+                if into:
+                    place = at + self._into_picture(hand - begun)
                 else:
-                    place = self._place_of(hand, held.start)
+                    place = at + self._place_of(hand, at) - self._place_of(begun, at)
                 self._hold = Hold(held.station, held.start, place, held.hand)
                 if event.phase != "end":
                     self._moved(self._hold)
-                elif self.in_screen:
+                elif self.in_depth:
                     self._ending = asyncio.get_running_loop().call_later(
                         SWITCH_SECONDS, self._end_now
                     )
@@ -241,19 +239,18 @@ class DragProxy:
         return np.array([0.0, float(moved @ above) / size if size > _LEAST_FACING else 0.0, 0.0])
 
     def _place_of(
-        self, hand: NDArray[np.float64], grip: NDArray[np.float64]
+        self, hand: NDArray[np.float64], through: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the place under the mouse, in the screen's plane or that of the pull."""
-        if self.in_screen:
-            return hand
+        """Return the place under the mouse in the upright plane along the duct through a place."""
         # viser gives the hand's place on a plane that faces the camera. The line of sight through
-        # it intersects the plane of the pull at the place that the user points at.
+        # it intersects the upright plane at the place that the user points at: so up in the picture
+        # is straight up off the bed, however far down the camera looks.
         eye = np.asarray(self._client.camera.position, np.float64)
         sight = hand - eye
         if abs(sight[1]) < _LEAST_FACING * float(np.linalg.norm(sight)):  # it is seen edge-on
             return hand
-        return eye + sight * ((grip - eye)[1] / sight[1])
+        return eye + sight * ((through - eye)[1] / sight[1])
 
 
-_LEAST_FACING = 0.15  # sine of the line of sight to the plane; below it, the hand would jump
+_LEAST_FACING = 0.3  # sine of the line of sight to the plane; below it, the hand would jump
 _UNSEEN: dict[str, Any] = {"color": (255, 255, 255), "opacity": 0.0, "side": "double"}

@@ -218,7 +218,7 @@ class TissueScene:
         if drag is None:
             return
         drag.let_go()
-        drag.in_screen = not self._in_plane
+        drag.in_depth = not self._in_plane
         drag.set_duct([drawn.surface.skin for drawn in self._drawn], dissection)
         for number, drawn in enumerate(self._instruments):
             drag.set_instrument(number, drawn.name, drawn.grip)
