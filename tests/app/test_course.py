@@ -354,7 +354,7 @@ def test_the_shipped_benchmarks_are_what_scripted_hands_do() -> None:
         assert session.run.outcome.passed, session.run.outcome.reason
         numbers.append(len(session.run.incidents()))
     assert max(numbers) <= benchmark.value
-    assert benchmark.n == 17
+    assert benchmark.n == 15
     level, blood = course.level_of("bleeding"), course.benchmark_of("bleeding", "blood_lost_ml")
     assert blood is not None
     session = scripted_try(level, phantom(), row=3, seed=level.seeds[3], pace=PACES[1])

@@ -80,6 +80,9 @@ EXERCISES: dict[str, ExerciseKind] = {
         "past it on either side, between the tear and where it comes from, and clip it",
         ("wrong_structure", "clip_wrong_tube", "clip_astray", "unattended_bleeding", "blind_stab"),
         ALL_INSTRUMENTS, in_hand=("grasper", "clip applier"), time_limit_s=60.0, spare=4.0,
+        errors_at_end=(
+            "tension_on_vessel", "instrument_on_wall", "fast_in_tissue", "jumping_jaws", "unseen",
+        ),
     ),
     "hold_stretch": ExerciseKind("Hold a stretch", "", TOO_FAST),
     "approach_break": ExerciseKind("Approach the break", "", TOO_FAST),

@@ -263,7 +263,9 @@ class _Freeing:
         if elsewhere >= LOST_MM:
             self.so_far += f"; {elsewhere:.0f} mm elsewhere do not count"
         if self._holding is not None and freed < goal.length_mm:
-            self.standing += "; {} strands hold at {:.0f} mm".format(*self._holding)
+            strands, station = self._holding
+            hold = "strands hold" if strands > 1 else "strand holds"
+            self.standing += f"; {strands} {hold} at {station:.0f} mm"
 
 
 class BreakApart(

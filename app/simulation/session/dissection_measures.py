@@ -218,18 +218,27 @@ class DissectionRecorder:
 
     def holding_beside(self, low: float, high: float) -> tuple[int, float] | None:
         """Return how many strands hold next to the longest free stretch, and where, mm."""
-        # Of both of its ends, that which fewer hold; None without a stretch.
+        # Of both of its ends, that which fewer hold; without a stretch, of all places where some
+        # have parted.
         inside = [
             (max(a, low), min(b, high)) for a, b in self.stretches if min(b, high) > max(a, low)
         ]
-        if not inside:
-            return None
-        a, b = max(inside, key=lambda each: each[1] - each[0])
         surface = self.duct.surface
         stations = surface.strands.stations / surface.scale
-        whole = stations[self.duct.beam.damage[self.duct.tubes.strands_of[0]] < 1.0]
+        holds = self.duct.beam.damage[self.duct.tubes.strands_of[0]] < 1.0
+        whole, parted = stations[holds], stations[~holds]
+        if inside:
+            a, b = max(inside, key=lambda each: each[1] - each[0])
+            places = [(a - BESIDE_MM, a), (b, b + BESIDE_MM)]
+        else:
+            starts = np.arange(low, high - BESIDE_MM + 1e-9, 0.5 * BESIDE_MM).tolist()
+            places = [
+                (start, start + BESIDE_MM)
+                for start in starts
+                if ((parted >= start) & (parted < start + BESIDE_MM)).any()
+            ]
         found: list[tuple[int, float]] = []
-        for start, end in ((a - BESIDE_MM, a), (b, b + BESIDE_MM)):
+        for start, end in places:
             count = int(((whole >= start) & (whole < end)).sum())
             if count and low <= start and end <= high:
                 found.append((count, 0.5 * (start + end)))

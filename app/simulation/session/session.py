@@ -23,6 +23,7 @@ from app.bed_preset import BedPreset, bed_named
 from app.simulation.exercises.attempt import Attempt
 from app.simulation.exercises.errors import Incident
 from app.simulation.exercises.exercise import Exercise, ExerciseInputs, Feedback
+from app.simulation.exercises.goals import FreeLength
 from app.simulation.exercises.metrics import Metrics
 from app.simulation.exercises.metrics_recorder import MetricsRecorder
 from app.simulation.inputs.inputs import (
@@ -43,6 +44,7 @@ from app.simulation.runs.run_file import (
     strands_digest,
 )
 from app.simulation.session.dissection_measures import DissectionRecorder
+from app.simulation.session.holding import Holding, why_left
 from app.simulation.session.measures import PullRecorder
 from app.simulation.specimen.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.specimen.dissection import default_preset, fits
@@ -164,6 +166,15 @@ class Session:
         if (tissue := self.tissue.in_space) is None:
             raise ValueError("this duct is solved in the plane of its pull, not in space")
         return tissue
+
+    @property
+    def holding(self) -> Holding | None:
+        """What holds next to what is free, while an exercise asks for that, else None."""
+        goal = self.run.exercise.goal if self.run.exercise is not None else None
+        if not isinstance(goal, FreeLength) or not self.run.going:
+            return None
+        found = self._recorder.holding_beside(goal.from_mm, goal.to_mm)
+        return None if found is None else Holding(*found, why_left(self.spatial, found[1]))
 
     # What the trainee does.
 

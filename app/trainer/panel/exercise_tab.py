@@ -171,13 +171,14 @@ class ExerciseTab:
         return self._exercise is not None and has_careful_run(self._exercise)
 
     def _figures(self) -> list[str]:
-        """Return what the panel shows above, and what may be scrolled out of sight."""
+        """Return why strands still hold, and what the panel shows above, perhaps out of sight."""
         session = self._state.session
-        reading = session.reading()
+        reading, holding = session.reading(), session.holding
         if session.specimen.anatomy is not None or reading.phase is not Phase.INTACT:
             return []
         lifted = f", pulled out {reading.deflection:.1f} mm" if reading.held else ""
-        return [f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break{lifted}"]
+        left = f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break{lifted}"
+        return [holding.why, left] if holding is not None and holding.why else [left]
 
     def _perform(self) -> None:
         """Play a careful performance of the exercise, by scripted hands."""

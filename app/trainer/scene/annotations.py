@@ -5,7 +5,7 @@ import viser
 
 from app.simulation import Dissection, Exercise, FreeLength, Phase, Reading, Session
 from app.trainer.scene.comparison_meshes import ChainLines, GhostMesh
-from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand, GoalStretch
+from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand, GoalStretch, HoldMark
 from app.trainer.scene.overlay import Overlay
 from app.trainer.stage.appearance import drawn_radius
 
@@ -22,6 +22,7 @@ class Annotations:
         self._goal: GoalBand | None = None
         self._stretch: GoalStretch | None = None
         self._stretch_of: Exercise | None = None
+        self._holds: HoldMark | None = None
         self._overlay: Overlay | None = None
         self._ghost: GhostMesh | None = None
         self._chain: ChainLines | None = None
@@ -49,6 +50,13 @@ class Annotations:
         """Write at the goal what to do now; the text changes with time even if nothing moves."""
         if self._goal is not None:
             self._goal.say((figures and session.run.standing) or "Goal")
+        holding = session.holding if figures else None
+        if holding is not None and self._holds is None:
+            self._holds = HoldMark(self._client.scene, self._radius)
+        if self._holds is not None:
+            self._holds.visible = holding is not None
+            if holding is not None:
+                self._holds.show(holding.strands, holding.station)
 
     def _draw_goal(self, session: Session, reading: Reading, figures: bool) -> None:
         band = session.goal
@@ -123,8 +131,10 @@ class Annotations:
 
     def remove(self) -> None:
         """Remove all annotations from the scene."""
-        for aid in (self._goal, self._stretch, self._overlay, self._ghost, self._chain):
+        for aid in (
+            self._goal, self._stretch, self._holds, self._overlay, self._ghost, self._chain,
+        ):  # fmt: skip
             if aid is not None:
                 aid.remove()
-        self._goal = self._stretch = self._stretch_of = None
+        self._goal = self._stretch = self._stretch_of = self._holds = None
         self._overlay = self._ghost = self._chain = None

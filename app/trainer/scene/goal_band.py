@@ -81,3 +81,30 @@ class GoalStretch(Drawn):
             "/bed/goal_label", "Free this", position=corners[1:3].mean(axis=0), anchor="top-center"
         )
         super().__init__(lines, label)
+
+
+class HoldMark(Drawn):
+    """How many strands still hold a duct next to what is free of it, at a tick over it there."""
+
+    def __init__(self, scene: viser.SceneApi, radius: float) -> None:
+        self._foot, self._tip = 1.1 * radius, 2.0 * radius
+        self._tick = scene.add_line_segments(
+            "/bed/holds",
+            np.zeros((1, 2, 3), np.float32),
+            GOAL_COLOR,
+            thickness=LINE_WIDTH,
+            thickness_units="screen",
+        )
+        self._label = scene.add_label("/bed/holds_label", "", anchor="bottom-center")
+        self._shown: tuple[int, float] | None = None
+        super().__init__(self._tick, self._label)
+
+    def show(self, strands: int, station: float) -> None:
+        """Show so many strands at a station, mm from the first clamp."""
+        if self._shown == (strands, station):
+            return
+        self._shown = strands, station
+        ends = np.array([[(station, 0.0, self._foot), (station, 0.0, self._tip)]], np.float32)
+        self._tick.points = ends
+        self._label.position = ends[0, 1]
+        self._label.text = f"{strands} hold{'s' * (strands == 1)} here"

@@ -390,8 +390,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ),
         ErrorClass(
             "instrument_on_wall", "Pressed on the wall itself", 7,
-            "a jaw or a swab presses on a tube, over 0.13 s, with more than `least` and than "
-            "`part` of what breaks it",
+            "a jaw or a swab presses on a tube that does not bleed, over 0.13 s, with more than "
+            "`least` and than `part` of what breaks it",
             "at {t:.1f} s the {tool} pressed on {what} with {f:.1f} N",
             "Press on no wall: lead the instrument aside, to where only strands are.",
             (
