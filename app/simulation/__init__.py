@@ -110,6 +110,7 @@ from app.simulation.tissue.safety import Safety
 from app.simulation.tissue.sight import FIELD_OF_VIEW, TOWARDS_VIEWER
 from app.simulation.tissue.spatial_tissue import (
     CLIP_OPENING,
+    FIRST_INSTRUMENTS,
     JAW_RADIUS,
     MOST_OPENING,
     MOST_SUCTION,
@@ -137,6 +138,7 @@ __all__ = [
     "EXERCISES",
     "FEW",
     "FIELD_OF_VIEW",
+    "FIRST_INSTRUMENTS",
     "FRONT_SECONDS",
     "GRIPS_AT",
     "GRIP_N",

@@ -20,6 +20,7 @@ class ExerciseKind:
     errors: tuple[str, ...]  # classes that fail it
     instruments: tuple[Instrument, ...] = INSTRUMENTS
     in_hand: tuple[Instrument, ...] = ()  # at the start, if not the usual
+    first_hand: int = 0  # that is led at the start
     errors_at_end: tuple[str, ...] = ()  # that fail it once all else is done
     time_limit_s: float = 60.0
     spare: float = 1.0
@@ -35,7 +36,7 @@ WITH_JAWS = (
 EXERCISES: dict[str, ExerciseKind] = {
     "window": ExerciseKind(
         "Open a window", "pass the dissector behind it and open the jaws",
-        WITH_JAWS, in_hand=("hook", "dissector"), time_limit_s=120.0, spare=1.1,
+        WITH_JAWS, in_hand=("hook", "dissector"), first_hand=1, time_limit_s=120.0, spare=1.1,
         lifted=1.0 / 3.0,
     ),
     "follow_front": ExerciseKind(
@@ -47,7 +48,8 @@ EXERCISES: dict[str, ExerciseKind] = {
     ),
     "free_scar": ExerciseKind(
         "Free a scar with two hands",
-        "hold it up with one hand and open the dissector behind the scar with the other",
+        "hold it up with one hand; with the other pass the closed dissector behind the duct, just "
+        "beside the scar, and open the jaws there",
         ("no_traction", "traction_lost", "leaning", *WITH_JAWS), in_hand=("grasper", "dissector"),
         errors_at_end=("unseen", "near_break_fast"), time_limit_s=120.0, spare=1.4, spare_force=1.5,
     ),
@@ -79,7 +81,8 @@ EXERCISES: dict[str, ExerciseKind] = {
         "the cystic artery tears with your first touch; bring the open jaws of the clip applier "
         "past it on either side, between the tear and where it comes from, and clip it",
         ("wrong_structure", "clip_wrong_tube", "clip_astray", "unattended_bleeding", "blind_stab"),
-        ALL_INSTRUMENTS, in_hand=("grasper", "clip applier"), time_limit_s=60.0, spare=4.0,
+        ALL_INSTRUMENTS, in_hand=("grasper", "clip applier"), first_hand=1, time_limit_s=60.0,
+        spare=4.0,
         errors_at_end=(
             "tension_on_vessel", "instrument_on_wall", "fast_in_tissue", "jumping_jaws", "unseen",
         ),

@@ -628,7 +628,8 @@ class ErrorFinder:
         if row[PLACE]:
             self._unplaced[i] = self._judge_place(i, watch)
         if row[LEANS]:
-            incidents.note("leaning", i, at, row[ANGLE], a=row[ANGLE])
+            side = "far" if row[PULL + 1] > 0.0 else "near"
+            incidents.note("leaning", i, at, row[ANGLE], a=row[ANGLE], side=side)
         if row[LIFTS]:
             incidents.note(
                 "over_lifted", i, at, stress, p=100.0 * stress, m=float(hand.place[2]),

@@ -28,11 +28,15 @@ def near_place(beam: BeamOnBed, tip: Floats, reach: float = REACH) -> tuple[int,
     return (number, station) if distance < reach else None
 
 
-def _nearest_wall(beam: BeamOnBed, tip: Floats) -> tuple[float, int, float]:
-    """Return how far a tip, (3,) mm, is from the nearest wall, the tube and the station."""
+def _nearest_wall(
+    beam: BeamOnBed, tip: Floats, only: str | None = None
+) -> tuple[float, int, float]:
+    """Return how far a tip, (3,) mm, is from the nearest wall, or a tube's; tube and station."""
     # Within a wall the distance is below zero, and the deepest counts.
     best, found = math.inf, (0, 0.0)
     for number, (name, tube) in enumerate(beam.network.tubes.items()):
+        if only not in {None, name}:
+            continue
         places = beam.places[beam.nodes_of(name)]
         chord = np.diff(places, axis=0)
         square = np.maximum((chord**2).sum(axis=1), 1e-12)
@@ -47,10 +51,20 @@ def _nearest_wall(beam: BeamOnBed, tip: Floats) -> tuple[float, int, float]:
     return best, *found
 
 
-def seen_beside(beam: BeamOnBed, tip: Floats, axes: Floats) -> tuple[float, int, Side]:
-    """Return how far a tip, (3,) mm, is from the nearest wall, which tube's, and its side of it."""
-    # The picture's axes are columns: right, up, and back to the eye.
-    far, number, station = _nearest_wall(beam, tip)
+def seen_beside(
+    beam: BeamOnBed, tip: Floats, axes: Floats, only: str | None = None
+) -> tuple[float, int, Side]:
+    """Return how far a tip, (3,) mm, is from the nearest wall, which tube's, and its side of it.
+
+    Of the tube `only`, if it is given. The picture's axes are columns: right, up, and back to the
+    eye.
+
+    Returns
+    -------
+    tuple
+        mm, the number of the tube, and the side.
+    """
+    far, number, station = _nearest_wall(beam, tip, only)
     name = list(beam.network.tubes)[number]
     off = tip - beam.places_at(np.array([station]), name)[0]
     back = float(off @ axes[:, 2])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from app.anatomy import Anatomy, tube_title
 from app.simulation import (
+    EXERCISES,
     FEW,
     GRIP_N,
     HANDS,
@@ -60,6 +61,8 @@ COUNTED: dict[ExerciseInputs, str] = {
 }
 NOWHERE = "No hand can hold the duct at a clamp, or where the other hand holds it."
 TORN = "A torn duct holds no pull. Press Reset (R) for a new one."
+OTHER_OPENS = "The other hand has one: press X to lead it."
+NEXT_OPENS = "Press N for the next instrument."
 BY_POLICY = "The policy has this hand until the exercise is over."
 TAKES = "button a takes the duct below the hook and lets go of it, as the keys X and G do"
 
@@ -396,7 +399,9 @@ class PageState:
     ) -> None:
         """Start anew with an exercise, at a grasp in a plane or in its bed."""
         self.leave_replay()
-        self.hand = min(self.device_hands, len(self.hands) - 1)
+        kind = EXERCISES.get(exercise.name)
+        led = 0 if kind is None else kind.first_hand
+        self.hand = min(max(led, self.device_hands), len(self.hands) - 1)
         session, inputs = self.session, self.exercise_inputs
         self._renew(lambda: session.start_exercise(exercise, feedback, grasp, inputs))
 
@@ -628,7 +633,8 @@ class PageState:
         if self.instrument == "dissector":
             self.open_jaws(self.hands[self.hand].target_opening + more)
         else:
-            self.refuse("Only a dissector opens. Press N for the next instrument.")
+            other = any(each.instrument == "dissector" for each in self.hands)
+            self.refuse(f"Only a dissector opens. {OTHER_OPENS if other else NEXT_OPENS}")
 
     def let_go(self, hand: int) -> None:
         """Let a hand go of the duct."""

@@ -108,6 +108,8 @@ def next_time(
         if metric is not None and largest is not None and each.passed_by(largest):
             words = metric.limit_words(each.value)
             return f"{words[0].upper()}{words[1:]}."
+    if isinstance(exercise.goal, FreeLength):
+        return "Go to where strands still hold, which is marked over the duct, and part those."
     return "Lose no time where nothing is under load, and go on slowly where the wall is."
 
 

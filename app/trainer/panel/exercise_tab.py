@@ -1,13 +1,16 @@
 """Exercises: choose one, read its goal and limit, do it, and see the result."""
 
 import html
+import math
 
 import viser
 
 from app.simulation import (
     FEW,
+    FIRST_INSTRUMENTS,
     Exercise,
     Feedback,
+    Instrument,
     Phase,
     Session,
     careful_run,
@@ -30,6 +33,15 @@ ROLES: dict[Role, tuple[str, str]] = {
     "ghost": ("Ghost", "A policy does the same exercise beside you, drawn as lines"),
 }
 """What the policy that the trainer was started with may do."""
+HOW: dict[Instrument, str] = {
+    "hook": "press the duct with the hook, drag up to lift; it lets go with the button",
+    "grasper": "press the duct with the grasper, drag up to lift; it stays until you press G",
+    "dissector": "drag the dissector; the right button leads it into the picture, behind the duct; "
+    "O opens its jaws, C closes them",
+}
+"""How an instrument is used at a bed."""
+LEANS_DEG, LEANS_N = 8.0, 0.2
+"""A pull that is off straight up by more is told so, if it is stronger."""
 NONE, AWAITED = "None for this duct", "Working out its limits"
 
 
@@ -173,12 +185,24 @@ class ExerciseTab:
     def _figures(self) -> list[str]:
         """Return why strands still hold, and what the panel shows above, perhaps out of sight."""
         session = self._state.session
-        reading, holding = session.reading(), session.holding
+        reading, exercise, holding = session.reading(), session.run.exercise, session.holding
+        limits = {} if exercise is None else exercise.limit_of
+        if "blood_lost_ml" in limits:
+            lost = sum(each.lost_ml for each in reading.fluids if each.name == "blood")
+            return [f"{lost:.0f} of {limits['blood_lost_ml']:.0f} ml of blood lost"]
         if session.specimen.anatomy is not None or reading.phase is not Phase.INTACT:
             return []
         lifted = f", pulled out {reading.deflection:.1f} mm" if reading.held else ""
-        left = f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break{lifted}"
-        return [holding.why, left] if holding is not None and holding.why else [left]
+        lines = [f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break{lifted}"]
+        if holding is not None and holding.why:
+            lines.insert(0, holding.why)
+        if "leaning" in limits:
+            lines += [
+                _leaning(*force)
+                for force, holds in zip(reading.forces, reading.holding, strict=True)
+                if holds
+            ]
+        return [line for line in lines if line]
 
     def _perform(self) -> None:
         """Play a careful performance of the exercise, by scripted hands."""
@@ -219,11 +243,26 @@ class ExerciseTab:
             if self._state.in_exercise
             else ""
         )
+        with_jaws = self._state.session.specimen.bed is not None
+        tools = dict.fromkeys(exercise.in_hand or FIRST_INSTRUMENTS) if with_jaws else ()
+        how = "; ".join(HOW[each] for each in tools if each in HOW)
+        if len(exercise.in_hand) > 1 and how:
+            how += "; X leads the other hand"
+        how = f"<b>How</b> {how[0].upper()}{how[1:]}.<br>" if how else ""
         self._task.content = (
             "<div data-testid='task' style='margin:0 12px 10px;padding:8px 10px;border-radius:6px;"
             "background:rgba(255,255,255,.06);font-size:13px;line-height:1.45'>"
-            f"{title}<b>Goal</b> {html.escape(exercise.task)}<br>"
+            f"{title}<b>Goal</b> {html.escape(exercise.task)}<br>{how}"
             f"<b>Limit</b> {html.escape(exercise.caution)}<br>"
             f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first touch.<br>"
             f"<b>With</b> {self._state.counted}</div>"
         )
+
+
+def _leaning(along: float, across: float, up: float) -> str:
+    """Return how far a pull, N, is off straight up across the duct; empty of little."""
+    angle = math.degrees(math.atan2(abs(across), up))
+    if angle < LEANS_DEG or math.hypot(along, across, up) < LEANS_N:
+        return ""
+    side = "far" if across > 0.0 else "near"
+    return f"Pulls {angle:.0f} degrees off straight up, to the {side} side"

@@ -86,8 +86,8 @@ _FORCE = """\
 to look around, scroll to come nearer. *Theory* under **Compare** gives it two hands in space.
 """
 _BED_FIGURES = """\
-**The figures.** *Distance to break* is 100 % for a slack duct and 0 % where it tears. *Freed* is
-the length around which nearly all strands have broken. *Economy of work* is the part of your work
+**The figures.** *Distance to break* is 100 % for a slack duct and 0 % where it tears. *Loosened*
+is the length that the broken strands held. *Economy of work* is the part of your work
 that broke strands; the rest has stretched the duct. Arrows show the force of each hand.
 """
 _TEARS = """\

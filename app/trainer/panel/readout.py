@@ -24,7 +24,9 @@ DEFLECTION = "How far the duct is pulled out where the hook holds it"
 BREAKS = "Force at which this duct tears when it is held here"
 NORMAL = "Tension along the duct, the same over its whole section"
 BENDING = "Tension at the outermost fibre from the bend"
-FREED = "Length of duct around which nearly all strands have broken"
+LOOSENED = (
+    "Length of duct that the broken strands held; it is free only where nearly all have broken"
+)
 PARTED = "Strands that have broken, of all that held the duct; they never heal"
 PEAK = "The highest nominal stress so far, as a part of the threshold; the bar is marked there too"
 NICKED = "How much of the section's height is torn: at three quarters it tears through"
@@ -158,7 +160,7 @@ def _cells(reading: Reading) -> list[str]:
         100.0 * min(max(energy.dissipated / energy.work, 0.0), 1.0) if energy.work > 0.01 else None
     )
     return [
-        _cell(term("Freed", FREED), figure(reading.freed), "mm"),
+        _cell(term("Loosened", LOOSENED), figure(reading.freed), "mm"),
         _cell(term("Strands broken", PARTED), f"{reading.broken}", f"of {reading.strands}"),
         *hands,
         _cell(

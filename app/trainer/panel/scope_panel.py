@@ -356,7 +356,9 @@ class ScopePanel:
         elif holder.node is not None:
             place = f"holds the {tube_title(tissue.tubes.names[holder.tube])}"
         elif self._state.figures_visible:  # a picture of one eye does not tell how deep a tip is
-            far, tube, side = seen_beside(tissue.beam, holder.place, self._lead.held.camera.axes)
+            far, tube, side = seen_beside(
+                tissue.beam, holder.place, self._lead.held.camera.axes, self._only_tube
+            )
             wall = tube_title(tissue.tubes.names[tube])
             place = f"{max(far, 0.0):.0f} mm {side} the {wall}"
         led = f"{HANDS[hand].lower()}, {holder.instrument}"
@@ -367,6 +369,13 @@ class ScopePanel:
         if grip and self._state.figures_visible:
             led = f"{led}, {GRIP_N * grip:.1f} of {GRIP_N:.0f} N"
         return [("Led", led), (name, place)]
+
+    @property
+    def _only_tube(self) -> str | None:
+        """The tube that the exercise is about, if that is one."""
+        exercise = self._state.session.run.exercise if self._state.in_exercise else None
+        about = () if exercise is None else exercise.about or ()
+        return about[0] if len(about) == 1 else None
 
     @property
     def _to_turn(self) -> str:

@@ -294,9 +294,9 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "leaning", "Pulled sideways", 9,
             "the mean pull of a hold over 0.3 s leans sideways by more than `angle` for `seconds`, "
             "and is above `pull`",
-            "at {t:.1f} s you pulled {a:.0f} degrees off straight up, which loads one side of the "
-            "wall",
-            "Pull away from the bed.",
+            "at {t:.1f} s you pulled {a:.0f} degrees off straight up, to the {side} side, which "
+            "loads one side of the wall",
+            "Lead it back over where it was held at rest, and pull straight off the bed.",
             (
                 Parameter("angle", "deg", 20.0, "a choice: sideways pull is a third of the pull"),
                 Parameter("pull", "N", 0.2, "a choice: below it a tremor decides the direction"),
@@ -390,8 +390,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ),
         ErrorClass(
             "instrument_on_wall", "Pressed on the wall itself", 7,
-            "a jaw or a swab presses on a tube that does not bleed, over 0.13 s, with more than "
-            "`least` and than `part` of what breaks it",
+            "for 0.13 s a jaw or swab presses on a tube that does not bleed with more than `least` "
+            "and `part` of what breaks it",
             "at {t:.1f} s the {tool} pressed on {what} with {f:.1f} N",
             "Press on no wall: lead the instrument aside, to where only strands are.",
             (
