@@ -411,7 +411,7 @@ def spray_clips(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None
     """Clip the torn tube all along, beyond its tear, without a look where the blood comes from."""
     for before in (-6.0, -9.0, -12.0):
         clips = sum(each.kind == "clip" for each in hands.duct.events)
-        technique = Clip(speed=speed, before=before, seconds=0.5)
+        technique = Clip(speed=speed, before=(before,), seconds=0.5)
         for _ in islice(technique.inputs(hands, exercise), 150):
             yield
             if sum(each.kind == "clip" for each in hands.duct.events) > clips:

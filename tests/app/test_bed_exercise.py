@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from simulated import bed_exercises, bed_session, phantom
+from simulated import bed_exercises, bed_session, phantom, settle
 
 from app.simulation import (
     MANNERS,
@@ -240,3 +240,52 @@ def test_an_exercise_that_makes_no_sense_is_refused(changed: dict[str, Any], wor
         plain[key] = plain[key] | each if isinstance(each, dict) else each
     with pytest.raises(msgspec.ValidationError, match=words):
         msgspec.convert(plain, Exercise)
+
+
+def test_a_dissector_s_next_move_is_named_until_the_jaws_open_where_strands_hold() -> None:
+    session = bed_session(phantom(), vertices=300)
+    exercise = next(each for each in bed_exercises(session) if each.name == "window")
+    session.start_exercise(exercise)
+
+    def move() -> str:
+        assert session.holding is not None
+        return session.holding.move
+
+    def pass_behind(depth: float) -> None:
+        begin = session.spatial.hands[1].target.copy()
+        for gone in np.arange(0.5, depth, 0.5):
+            session.move_hand(1, begin + np.array([0.0, gone, 0.0]))
+            session.advance()
+        settle(session)
+
+    def part(most: float) -> None:
+        for opening in np.arange(0.3, most, 0.3):
+            session.open_jaws(1, float(opening))
+            session.advance()
+
+    start = session.spatial.hands[1].target.copy()
+    assert move().endswith("mm into the picture, behind the duct (right button)")
+    for raised, wanted in ((4.0, "mm down, until it is below the duct"), (0.0, "right button)")):
+        session.move_hand(1, start + np.array([14.0, 0.0, raised]))
+        settle(session)
+        assert move().endswith(wanted)
+    # As deep as is said, and no deeper, it opens.
+    deeper = float(move().split(" mm ")[0].rpartition(" ")[2])
+    pass_behind(deeper + 1.0)
+    assert move() == "Open the dissector's jaws (O), over a second or two"
+    part(12.0)
+    assert session.reading().broken > 50
+    assert session.holding is not None
+    held = session.holding
+    # What holds is where it is said to hold.
+    stations = session.spatial.surface.strands.stations / session.spatial.surface.scale
+    whole = session.spatial.beam.damage < 1.0
+    assert np.count_nonzero(whole & (np.abs(stations - held.station) <= 1.0)) == held.strands
+    # Too short a way behind the duct, jaws leave what is beyond their tips.
+    session.reset()
+    session.start_exercise(exercise)
+    session.move_hand(1, start + np.array([14.0, 0.0, 0.0]))
+    settle(session)
+    pass_behind(deeper - 5.0)
+    part(8.0)
+    assert "deeper, past what holds" in move()

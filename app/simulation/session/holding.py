@@ -1,46 +1,83 @@
-"""What still holds a duct that is to be freed, and why a dissector there leaves it whole."""
+"""What still holds a duct that is to be freed, and what to do about it with a dissector."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from app.simulation.tissue.spatial_tissue import SpatialTissue
+from app.simulation.exercises.goals import FreeLength
+from app.simulation.inputs.hand import Hand
+from app.simulation.tissue.spatial_tissue import JAW_RADIUS, SpatialTissue
 
 HALF_MM, REACH_MM = 1.0, 3.0
 """Strands within the first of a station are looked at. A dissector whose jaws are within the second
 of it is there; those farther inside both jaws are not parted by them as they open."""
-LEAST_SHORT = 0.5
-"""mm by which a tip is worth being called short."""
+LEAST_MM, OPEN_MM = 0.5, 1.0
+"""mm by which a tip is worth being called off its place, and from which on jaws are open."""
+BESIDE_MM = 2.0, 6.0
+"""How far from what holds closed jaws are best opened, mm."""
 
 
 class Holding(NamedTuple):
-    """Strands that hold next to what is free."""
+    """Strands that hold next to what is free, if some have parted, and what to do about them."""
 
     strands: int
     station: float  # mm from the first clamp
-    why: str  # why the dissector leaves them whole, and what to do; empty where none is there
+    move: str  # a sentence without its full stop; empty without a dissector
 
 
-def why_left(duct: SpatialTissue, station: float) -> str:
-    """Return why a dissector at a station, mm, leaves whole what holds there; empty without one."""
+def next_move(duct: SpatialTissue, goal: FreeLength, station: float | None) -> str:
+    """Return what to do next with a dissector, of what holds at a station, mm, if that is known."""
+    for hand in duct.hands:
+        if hand.instrument != "dissector":
+            continue
+        if hand.opening < OPEN_MM:
+            return _closed_move(duct, goal, hand, station)
+        at = float(hand.place[0]) if station is None else station
+        aside = abs(float(hand.place[0]) - at)
+        if aside > 0.5 * hand.opening + REACH_MM:
+            return ""
+        if (short := _short(duct, hand, at)) > LEAST_MM:
+            return f"Close the jaws (C), and lead them {short:.0f} mm deeper, past what holds"
+        if station is not None and aside < 0.5 * hand.opening - REACH_MM:
+            return "Close the jaws (C), and open them beside there: what holds lies between them"
+        return "Open the jaws further (O), slowly"
+    return ""
+
+
+def _closed_move(duct: SpatialTissue, goal: FreeLength, hand: Hand, station: float | None) -> str:
+    """Return where closed jaws are to be led: beside what holds, below the duct, and behind it."""
+    x = float(hand.place[0])
+    # Between closed jaws strands are not parted as they open.
+    low, high = (goal.from_mm, goal.to_mm) if station is None else (station, station)
+    if station is not None or not goal.one_stretch:
+        near, far = BESIDE_MM if station is not None else (0.0, goal.to_mm)
+        off = low - near - x if x < 0.5 * (low + high) else high + near - x
+        beside = "what holds" if station is not None else "the scar"
+        away = max(low - x, x - high)
+        if not near - LEAST_MM <= away <= far:
+            side = "right" if off > 0.0 else "left"
+            return f"Lead the dissector {abs(off):.0f} mm to the {side}, beside {beside}"
+    span = duct.tubes.network.tubes[duct.tubes.names[0]].span
+    at = min(max(x * duct.surface.scale, 0.0), span)
+    axis = duct.beam.places_at(np.array([at]), duct.tubes.names[0])[0]
+    down = float(hand.place[2] - axis[2]) + JAW_RADIUS + duct.radius
+    if down > LEAST_MM:
+        return f"Lead the dissector {down:.0f} mm down, until it is below the duct"
+    if (short := _short(duct, hand, x)) > LEAST_MM:
+        return f"Lead the dissector {short:.0f} mm into the picture, behind the duct (right button)"
+    return "Open the dissector's jaws (O), over a second or two"
+
+
+def _short(duct: SpatialTissue, hand: Hand, station: float) -> float:
+    """Return how far a tip is short of the farthest strand that holds at a station, mm."""
     surface, beam = duct.surface, duct.beam
     near = np.abs(surface.strands.stations / surface.scale - station) <= HALF_MM
     which = np.flatnonzero(near & (beam.damage[duct.tubes.strands_of[0]] < 1.0))
     if not which.size:
-        return ""
+        return 0.0
     ends, feet = beam.strand_ends(which), beam.strand_feet(which)
-    for hand in duct.hands:
-        x, y, z = hand.place.tolist()
-        aside = abs(x - station)
-        if hand.instrument != "dissector" or aside > 0.5 * hand.opening + REACH_MM or z > 0.0:
-            continue
-        # Where they are at the jaws' height.
-        span = np.minimum(feet[:, 2] - ends[:, 2], -1e-6)
-        down = np.clip((z - ends[:, 2]) / span, 0.0, 1.0)
-        across = ends[:, 1] + down * (feet[:, 1] - ends[:, 1])
-        short = float(across.max()) - y
-        if short > LEAST_SHORT:
-            return f"The dissector's tip is {short:.0f} mm short of them: lead it deeper"
-        if aside < 0.5 * hand.opening - REACH_MM:
-            return "They lie between the jaws: close these, and open them beside there"
-    return ""
+    # Where they are at the jaws' height.
+    span = np.minimum(feet[:, 2] - ends[:, 2], -1e-6)
+    down = np.clip((float(hand.place[2]) - ends[:, 2]) / span, 0.0, 1.0)
+    across = ends[:, 1] + down * (feet[:, 1] - ends[:, 1])
+    return float(across.max()) - float(hand.place[1])

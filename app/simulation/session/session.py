@@ -44,7 +44,7 @@ from app.simulation.runs.run_file import (
     strands_digest,
 )
 from app.simulation.session.dissection_measures import DissectionRecorder
-from app.simulation.session.holding import Holding, why_left
+from app.simulation.session.holding import Holding, next_move
 from app.simulation.session.measures import PullRecorder
 from app.simulation.specimen.comparison import Ghost, GhostReading, SwingingChain
 from app.simulation.specimen.dissection import default_preset, fits
@@ -171,10 +171,12 @@ class Session:
     def holding(self) -> Holding | None:
         """What holds next to what is free, while an exercise asks for that, else None."""
         goal = self.run.exercise.goal if self.run.exercise is not None else None
-        if not isinstance(goal, FreeLength) or not self.run.going:
+        if not isinstance(goal, FreeLength) or self.run.over:
             return None
-        found = self._recorder.holding_beside(goal.from_mm, goal.to_mm)
-        return None if found is None else Holding(*found, why_left(self.spatial, found[1]))
+        begun = self.run.started
+        found = self._recorder.holding_beside(goal.from_mm, goal.to_mm) if begun else None
+        strands, station = (0, None) if found is None else found
+        return Holding(strands, station or 0.0, next_move(self.spatial, goal, station))
 
     # What the trainee does.
 

@@ -24,13 +24,11 @@ BITE = 1.2
 
 def near_place(beam: BeamOnBed, tip: Floats, reach: float = REACH) -> tuple[int, float] | None:
     """Return the number of the tube at a tip, (3,) mm, and the station; None out of reach."""
-    distance, number, station = _nearest_wall(beam, tip)
+    distance, number, station = nearest_wall(beam, tip)
     return (number, station) if distance < reach else None
 
 
-def _nearest_wall(
-    beam: BeamOnBed, tip: Floats, only: str | None = None
-) -> tuple[float, int, float]:
+def nearest_wall(beam: BeamOnBed, tip: Floats, only: str | None = None) -> tuple[float, int, float]:
     """Return how far a tip, (3,) mm, is from the nearest wall, or a tube's; tube and station."""
     # Within a wall the distance is below zero, and the deepest counts.
     best, found = math.inf, (0, 0.0)
@@ -64,7 +62,7 @@ def seen_beside(
     tuple
         mm, the number of the tube, and the side.
     """
-    far, number, station = _nearest_wall(beam, tip, only)
+    far, number, station = nearest_wall(beam, tip, only)
     name = list(beam.network.tubes)[number]
     off = tip - beam.places_at(np.array([station]), name)[0]
     back = float(off @ axes[:, 2])

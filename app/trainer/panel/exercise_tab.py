@@ -194,8 +194,8 @@ class ExerciseTab:
             return []
         lifted = f", pulled out {reading.deflection:.1f} mm" if reading.held else ""
         lines = [f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break{lifted}"]
-        if holding is not None and holding.why:
-            lines.insert(0, holding.why)
+        if holding is not None and holding.move:
+            lines.insert(0, f"Next: {holding.move[0].lower()}{holding.move[1:]}")
         if "leaning" in limits:
             lines += [
                 _leaning(*force)

@@ -51,11 +51,12 @@ class Annotations:
         if self._goal is not None:
             self._goal.say((figures and session.run.standing) or "Goal")
         holding = session.holding if figures else None
-        if holding is not None and self._holds is None:
+        marked = holding is not None and holding.strands > 0
+        if marked and self._holds is None:
             self._holds = HoldMark(self._client.scene, self._radius)
         if self._holds is not None:
-            self._holds.visible = holding is not None
-            if holding is not None:
+            self._holds.visible = marked
+            if holding is not None and marked:
                 self._holds.show(holding.strands, holding.station)
 
     def _draw_goal(self, session: Session, reading: Reading, figures: bool) -> None:
