@@ -289,3 +289,33 @@ def test_a_dissector_s_next_move_is_named_until_the_jaws_open_where_strands_hold
     pass_behind(deeper - 5.0)
     part(8.0)
     assert "deeper, past what holds" in move()
+
+
+def test_a_lift_s_next_move_is_what_good_hands_do_at_the_front() -> None:
+    session = bed_session(phantom(), vertices=300)
+    exercise = next(each for each in bed_exercises(session) if each.name == "follow_front")
+    session.start_exercise(exercise)
+    assert session.holding is not None
+    assert session.holding.move == "Take hold of the duct at the right end of the bracket, and lift"
+    marked: float | None = None
+    moves: list[str] = []
+    holds = 0
+    for _ in MANNERS["follow_front"]["good"].inputs(session, exercise):
+        at = session.spatial.held_at(0)
+        if at is not None and marked is not None and moves[-1].startswith("Take hold"):
+            holds += 1
+            assert abs(at - marked) < 2.5, "they take hold at the mark"
+        session.advance()
+        if session.holding is None:
+            break
+        marked = session.holding.station if session.holding.strands else None
+        moves.append(session.holding.move)
+    assert session.run.outcome is not None
+    assert session.run.outcome.passed
+    assert holds > 5
+    assert {move.partition(",")[0] for move in moves} == {
+        "Lift on slowly", "Let go", "Take hold of the duct at the mark over it",
+    }  # fmt: skip
+    # They have let go within two ticks of being told to.
+    told = [move.startswith("Let go") for move in moves]
+    assert not any(all(three) for three in zip(told, told[1:], told[2:], strict=False))

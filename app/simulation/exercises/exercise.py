@@ -9,6 +9,7 @@ import msgspec
 from app.anatomy import Anatomy
 from app.bed_preset import BedPreset
 from app.simulation.exercises.errors import ERROR_CLASSES
+from app.simulation.exercises.exercise_table import EXERCISES
 from app.simulation.exercises.goals import (
     CriticalView,
     Goal,
@@ -119,6 +120,12 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
                 f"time_limit_s must be at most {LONGEST_SECONDS:g} s and long enough for the "
                 f"goal's {self.goal.least_seconds:.3g} s, got {self.time_limit_s}"
             )
+
+    @property
+    def first_hand(self) -> int:
+        """The number of the hand that is led at the start."""
+        kind = EXERCISES.get(self.name)
+        return 0 if kind is None else kind.first_hand
 
     @property
     def structures(self) -> tuple[Structure, ...]:

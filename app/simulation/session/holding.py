@@ -1,4 +1,4 @@
-"""What still holds a duct that is to be freed, and what to do about it with a dissector."""
+"""What still holds a duct that is to be freed, and what to do about it."""
 
 from typing import NamedTuple
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from app.simulation.exercises.goals import FreeLength
 from app.simulation.inputs.hand import Hand
+from app.simulation.runs.run_file import HANDS
 from app.simulation.tissue.spatial_tissue import JAW_RADIUS, SpatialTissue
 
 HALF_MM, REACH_MM = 1.0, 3.0
@@ -13,6 +14,8 @@ HALF_MM, REACH_MM = 1.0, 3.0
 of it is there; those farther inside both jaws are not parted by them as they open."""
 LEAST_MM, OPEN_MM = 0.5, 1.0
 """mm by which a tip is worth being called off its place, and from which on jaws are open."""
+STEP_MM = 2.0
+"""How far the front runs from a hold before the next one."""
 BESIDE_MM = 2.0, 6.0
 """How far from what holds closed jaws are best opened, mm."""
 
@@ -22,11 +25,20 @@ class Holding(NamedTuple):
 
     strands: int
     station: float  # mm from the first clamp
-    move: str  # a sentence without its full stop; empty without a dissector
+    move: str  # a sentence without its full stop; may be empty
 
 
 def next_move(duct: SpatialTissue, goal: FreeLength, station: float | None) -> str:
-    """Return what to do next with a dissector, of what holds at a station, mm, if that is known."""
+    """Return what to do next, of what holds at a station, mm, if that is known.
+
+    A duct is freed by a dissector, if a hand has one, else by lifts where it still holds.
+
+    Returns
+    -------
+    str
+    """
+    if all(hand.instrument != "dissector" for hand in duct.hands):
+        return _lift(duct, station)
     for hand in duct.hands:
         if hand.instrument != "dissector":
             continue
@@ -42,6 +54,17 @@ def next_move(duct: SpatialTissue, goal: FreeLength, station: float | None) -> s
             return "Close the jaws (C), and open them beside there: what holds lies between them"
         return "Open the jaws further (O), slowly"
     return ""
+
+
+def _lift(duct: SpatialTissue, station: float | None) -> str:
+    """Return whether to take hold, to lift on or to let go."""
+    held = next((at for i in range(HANDS) if (at := duct.held_at(i)) is not None), None)
+    if held is None:
+        mark = "at the right end of the bracket" if station is None else "at the mark over it"
+        return f"Take hold of the duct {mark}, and lift"
+    if station is not None and abs(held - station) - HALF_MM > STEP_MM:
+        return "Let go, and take hold again at the mark over the duct"
+    return "Lift on slowly, until the front has moved by 2 mm"
 
 
 def _closed_move(duct: SpatialTissue, goal: FreeLength, hand: Hand, station: float | None) -> str:

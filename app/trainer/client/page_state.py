@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from app.anatomy import Anatomy, tube_title
 from app.simulation import (
-    EXERCISES,
     FEW,
     GRIP_N,
     HANDS,
@@ -399,9 +398,7 @@ class PageState:
     ) -> None:
         """Start anew with an exercise, at a grasp in a plane or in its bed."""
         self.leave_replay()
-        kind = EXERCISES.get(exercise.name)
-        led = 0 if kind is None else kind.first_hand
-        self.hand = min(max(led, self.device_hands), len(self.hands) - 1)
+        self.hand = min(max(exercise.first_hand, self.device_hands), len(self.hands) - 1)
         session, inputs = self.session, self.exercise_inputs
         self._renew(lambda: session.start_exercise(exercise, feedback, grasp, inputs))
 

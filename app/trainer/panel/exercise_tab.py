@@ -243,9 +243,11 @@ class ExerciseTab:
             if self._state.in_exercise
             else ""
         )
-        with_jaws = self._state.session.specimen.bed is not None
-        tools = dict.fromkeys(exercise.in_hand or FIRST_INSTRUMENTS) if with_jaws else ()
-        how = "; ".join(HOW[each] for each in tools if each in HOW)
+        in_hand = exercise.in_hand or FIRST_INSTRUMENTS
+        first = exercise.first_hand
+        tools = dict.fromkeys(in_hand[first:] + in_hand[:first])  # the one that is led first
+        at_bed = self._state.session.specimen.bed is not None
+        how = "; ".join(HOW[each] for each in tools if at_bed and each in HOW)
         if len(exercise.in_hand) > 1 and how:
             how += "; X leads the other hand"
         how = f"<b>How</b> {how[0].upper()}{how[1:]}.<br>" if how else ""
