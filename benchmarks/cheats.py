@@ -29,6 +29,7 @@ EXERCISES: dict[str, dict[str, Any]] = {
     "follow_front": {},
     "free_scar": {},
     "stop_bleeding": {"anatomy": "normal", "instruments": ("grasper", "clip applier")},
+    "first_view": {"anatomy": "normal"},
     "critical_view": {"anatomy": "normal"},
 }
 POPULATION, TIME_LIMIT_S, TICKS_PER_STEP = 16, 40.0, 3

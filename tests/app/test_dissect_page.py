@@ -622,18 +622,19 @@ def test_the_next_try_is_told_by_what_failed_it_else_by_the_commonest_error_or_t
         return Incident(key, at, at, 0, 0, 20.0, "none", {"speed": 10.0, "front": 45.0})
 
     fast, lean = error("fast_in_tissue", 1.0), error("leaning", 2.0)
+    straight = "Lead it back over where it was held at rest, and pull straight off the bed."
     metrics = {"peak_stress_ratio": 0.99}
     failed = Outcome(False, "Too far.")
     assert next_time(exercise, failed, metrics, [[fast], [lean, lean, lean], [fast]]) == (
         "Go in slowly, below 10 mm/s you can stop in time, and then spread. "
         "That was an error in 2 of 3 tries."
     )
-    assert next_time(exercise, failed, metrics, [[], [lean]]) == "Pull away from the bed."
+    assert next_time(exercise, failed, metrics, [[], [lean]]) == straight
     slip = error("hold_slipped", 1.0)  # a result, which stands before them in the table
-    assert next_time(exercise, failed, metrics, [[slip, lean]]) == "Pull away from the bed."
+    assert next_time(exercise, failed, metrics, [[slip, lean]]) == straight
     # What failed it stands before what was commoner, and that before what was in more tries.
     many = [[fast], [lean, lean, fast]]
-    assert next_time(exercise, failed, metrics, many).startswith("Pull away from the bed.")
+    assert next_time(exercise, failed, metrics, many).startswith(straight)
     assert next_time(exercise, failed, metrics, many, fast).startswith("Go in slowly")
     torn = Incident("tear", 3.0, 3.0, 1, 0, 20.0, "injury", {"instead": "Close the jaws."})
     assert cause_of([fast, torn], 3.0) == torn
