@@ -643,7 +643,7 @@ def test_the_next_try_is_told_by_what_failed_it_else_by_the_commonest_error_or_t
     alone = next_time(exercise, failed, metrics, [[error("tear", 3.0)]])
     assert re.fullmatch(r"The wall never past \d+ % of its break\.", alone)
     in_time = next_time(exercise, failed, {}, [[]])
-    assert in_time.startswith("Lose no time")
+    assert in_time.startswith("Do what the line Next asks for")
     assert "no luck" in next_time(exercise, Outcome(True, "Freed."), {}, [[]])
 
 

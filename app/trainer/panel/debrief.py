@@ -109,7 +109,7 @@ def next_time(
             words = metric.limit_words(each.value)
             return f"{words[0].upper()}{words[1:]}."
     if isinstance(exercise.goal, FreeLength):
-        return "Go to where strands still hold, which is marked over the duct, and part those."
+        return "Do what the line Next asks for in the tab: it names each move, and how far."
     return "Lose no time where nothing is under load, and go on slowly where the wall is."
 
 
