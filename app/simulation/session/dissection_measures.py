@@ -239,9 +239,10 @@ class DissectionRecorder:
             ]
         found: list[tuple[int, float]] = []
         for start, end in places:
-            count = int(((whole >= start) & (whole < end)).sum())
-            if count and low <= start and end <= high:
-                found.append((count, 0.5 * (start + end)))
+            first, last = max(start, low), min(end, high)
+            count = int(((whole >= first) & (whole < last)).sum())
+            if count:
+                found.append((count, 0.5 * (first + last)))
         return min(found, default=None)
 
     def critical_view(self) -> CriticalView:

@@ -14,8 +14,8 @@ HALF_MM, REACH_MM = 1.0, 3.0
 of it is there; those farther inside both jaws are not parted by them as they open."""
 LEAST_MM, OPEN_MM = 0.5, 1.0
 """mm by which a tip is worth being called off its place, and from which on jaws are open."""
-STEP_MM = 2.0
-"""How far the front runs from a hold before the next one."""
+STEP_MM, LIFT_MM = 2.0, 2.0
+"""How far the front runs from a hold before the next one; how high a duct is held up."""
 BESIDE_MM = 2.0, 6.0
 """How far from what holds closed jaws are best opened, mm."""
 
@@ -28,10 +28,11 @@ class Holding(NamedTuple):
     move: str  # a sentence without its full stop; may be empty
 
 
-def next_move(duct: SpatialTissue, goal: FreeLength, station: float | None) -> str:
+def next_move(duct: SpatialTissue, goal: FreeLength, held_up: bool, station: float | None) -> str:
     """Return what to do next, of what holds at a station, mm, if that is known.
 
-    A duct is freed by a dissector, if a hand has one, else by lifts where it still holds.
+    A duct is freed by a dissector, if a hand has one, while it is `held_up` by the other if that is
+    asked for; else by lifts where it still holds.
 
     Returns
     -------
@@ -39,6 +40,13 @@ def next_move(duct: SpatialTissue, goal: FreeLength, station: float | None) -> s
     """
     if all(hand.instrument != "dissector" for hand in duct.hands):
         return _lift(duct, station)
+    if held_up:
+        held = [hand for hand in duct.hands if hand.node is not None]
+        if not held:
+            return f"Take hold of the duct in the bracket's middle, and lift it {LIFT_MM:.0f} mm"
+        up = max(float(hand.place[2]) for hand in held)
+        if up < LIFT_MM - LEAST_MM:
+            return f"Lift the duct {LIFT_MM - up:.0f} mm more, and leave it there"
     for hand in duct.hands:
         if hand.instrument != "dissector":
             continue

@@ -170,13 +170,15 @@ class Session:
     @property
     def holding(self) -> Holding | None:
         """What holds next to what is free, while an exercise asks for that, else None."""
-        goal = self.run.exercise.goal if self.run.exercise is not None else None
-        if not isinstance(goal, FreeLength) or self.run.over:
+        if self.run.exercise is None or self.run.over:
             return None
-        begun = self.run.started
+        goal = self.run.exercise.goal
+        if not isinstance(goal, FreeLength):
+            return None
+        begun, pulled = self.run.started, "no_traction" in self.run.exercise.limit_of
         found = self._recorder.holding_beside(goal.from_mm, goal.to_mm) if begun else None
         strands, station = (0, None) if found is None else found
-        return Holding(strands, station or 0.0, next_move(self.spatial, goal, station))
+        return Holding(strands, station or 0.0, next_move(self.spatial, goal, pulled, station))
 
     # What the trainee does.
 
