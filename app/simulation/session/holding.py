@@ -68,8 +68,9 @@ def _lift(duct: SpatialTissue, station: float | None) -> str:
     """Return whether to take hold, to lift on or to let go."""
     held = next((at for i in range(HANDS) if (at := duct.held_at(i)) is not None), None)
     if held is None:
-        mark = "at the right end of the bracket" if station is None else "at the mark over it"
-        return f"Take hold of the duct {mark}, and lift"
+        first = "at the right end of the bracket" if duct.divided else "in its middle"
+        where = first if station is None else "at the mark over it"
+        return f"Take hold of the duct {where}, and lift"
     if station is not None and abs(held - station) - HALF_MM > STEP_MM:
         return "Let go, and take hold again at the mark over the duct"
     return "Lift on slowly, until the front has moved by 2 mm"

@@ -183,7 +183,7 @@ class ExerciseTab:
         return self._exercise is not None and has_careful_run(self._exercise)
 
     def _figures(self) -> list[str]:
-        """Return why strands still hold, and what the panel shows above, perhaps out of sight."""
+        """Return what to do next, and figures that the panel shows above, perhaps out of sight."""
         session = self._state.session
         reading, exercise, holding = session.reading(), session.run.exercise, session.holding
         limits = {} if exercise is None else exercise.limit_of
