@@ -644,6 +644,8 @@ def test_the_next_try_is_told_by_what_failed_it_else_by_the_commonest_error_or_t
     assert re.fullmatch(r"The wall never past \d+ % of its break\.", alone)
     in_time = next_time(exercise, failed, {}, [[]])
     assert in_time.startswith("Do what the line Next asks for")
+    # What an earlier try did wrong is no cause of this one's.
+    assert next_time(exercise, failed, {}, [[lean], []]) == in_time
     assert "no luck" in next_time(exercise, Outcome(True, "Freed."), {}, [[]])
 
 
