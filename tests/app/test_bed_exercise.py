@@ -264,17 +264,19 @@ def test_a_dissector_s_next_move_is_named_until_the_jaws_open_where_strands_hold
             session.advance()
 
     start = session.spatial.hands[1].target.copy()
-    assert move().endswith("mm into the picture, behind the duct (right button)")
-    for raised, wanted in ((4.0, "mm down, until it is below the duct"), (0.0, "right button)")):
+    assert re.fullmatch("Lead the dissector . mm to the right, to where there is room", move())
+    into = "mm into the picture (right button), slowly in tissue"
+    for raised, wanted in ((4.0, "mm down, until it is below the duct"), (0.0, into)):
         session.move_hand(1, start + np.array([14.0, 0.0, raised]))
         settle(session)
         assert move().endswith(wanted)
     # As deep as is said, and no deeper, it opens.
     deeper = float(move().split(" mm ")[0].rpartition(" ")[2])
     pass_behind(deeper + 1.0)
-    assert move() == "Open the dissector's jaws (O), over a second or two"
+    assert move() == "Press O again and again, slowly: the jaws open behind the duct"
     part(12.0)
     assert session.reading().broken > 50
+    assert move().endswith("the jaws are 12 mm apart")
     assert session.holding is not None
     held = session.holding
     # What holds is where it is said to hold.

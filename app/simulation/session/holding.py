@@ -14,6 +14,8 @@ HALF_MM, REACH_MM = 1.0, 3.0
 of it is there; those farther inside both jaws are not parted by them as they open."""
 LEAST_MM, OPEN_MM = 0.5, 1.0
 """mm by which a tip is worth being called off its place, and from which on jaws are open."""
+WIDE_MM = 25.0
+"""mm of jaws that are wide enough: what holds between them then has to be parted anew."""
 STEP_MM, LIFT_MM = 2.0, 2.0
 """How far the front runs from a hold before the next one; how high a duct is held up."""
 BESIDE_MM = 2.0, 6.0
@@ -58,9 +60,11 @@ def next_move(duct: SpatialTissue, goal: FreeLength, held_up: bool, station: flo
             return ""
         if (short := _short(duct, hand, at)) > LEAST_MM:
             return f"Close the jaws (C), and lead them {short:.0f} mm deeper, past what holds"
-        if station is not None and aside < 0.5 * hand.opening - REACH_MM:
-            return "Close the jaws (C), and open them beside there: what holds lies between them"
-        return "Open the jaws further (O), slowly"
+        half, x = 0.5 * hand.opening, float(hand.place[0])
+        wide = x - half <= goal.from_mm and x + half >= goal.to_mm
+        if (wide or hand.opening >= WIDE_MM) and aside < half - REACH_MM:
+            return "Close the jaws (C), and open them beside the mark: what holds lies between them"
+        return f"Press O again and again, slowly: the jaws are {hand.opening:.0f} mm apart"
     return ""
 
 
@@ -89,6 +93,12 @@ def _closed_move(duct: SpatialTissue, goal: FreeLength, hand: Hand, station: flo
         if not near - LEAST_MM <= away <= far:
             side = "right" if off > 0.0 else "left"
             return f"Lead the dissector {abs(off):.0f} mm to the {side}, beside {beside}"
+    elif goal.one_stretch:
+        room = min(goal.length_mm + REACH_MM, 0.5 * (high - low))
+        off = min(max(x, low + room), high - room) - x
+        if abs(off) > LEAST_MM:
+            side = "right" if off > 0.0 else "left"
+            return f"Lead the dissector {abs(off):.0f} mm to the {side}, to where there is room"
     span = duct.tubes.network.tubes[duct.tubes.names[0]].span
     at = min(max(x * duct.surface.scale, 0.0), span)
     axis = duct.beam.places_at(np.array([at]), duct.tubes.names[0])[0]
@@ -96,8 +106,10 @@ def _closed_move(duct: SpatialTissue, goal: FreeLength, hand: Hand, station: flo
     if down > LEAST_MM:
         return f"Lead the dissector {down:.0f} mm down, until it is below the duct"
     if (short := _short(duct, hand, x)) > LEAST_MM:
-        return f"Lead the dissector {short:.0f} mm into the picture, behind the duct (right button)"
-    return "Open the dissector's jaws (O), over a second or two"
+        return (
+            f"Lead the dissector {short:.0f} mm into the picture (right button), slowly in tissue"
+        )
+    return "Press O again and again, slowly: the jaws open behind the duct"
 
 
 def _short(duct: SpatialTissue, hand: Hand, station: float) -> float:

@@ -111,7 +111,9 @@ def next_time(
             words = metric.limit_words(each.value)
             return f"{words[0].upper()}{words[1:]}."
     if isinstance(exercise.goal, FreeLength):
-        return "Do what the line Next asks for in the tab: it names each move, and how far."
+        return (
+            "Do what the line Next asks for without a rest: quickly in the open, slowly in tissue."
+        )
     return "Lose no time where nothing is under load, and go on slowly where the wall is."
 
 
