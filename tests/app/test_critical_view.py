@@ -33,6 +33,7 @@ from app.simulation.exercises.critical_view import Closing
 from app.simulation.exercises.critical_view import CriticalView as View
 from app.simulation.exercises.goals import CriticalView
 from app.simulation.exercises.next_step import closing_step
+from app.simulation.scripts.scripted_hands import Clip
 from assets import SCRIPTS
 
 
@@ -330,6 +331,26 @@ def test_a_bleeding_is_stopped_by_a_clip_on_the_side_it_comes_from(seed: int) ->
     assert session.run.outcome is not None
     assert "ml of blood were lost, more than" in session.run.outcome.reason
     assert session.run.incidents() == []
+
+
+def test_what_fails_a_bleeding_at_its_end_is_known_as_soon_as_it_is_done() -> None:
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    exercise = next(each for each in exercises_offered(session) if each.name == "stop_bleeding")
+    session.start_exercise(exercise)
+    known: list[tuple[str, ...]] = []
+    for _ in Clip(before=(3.5,)).inputs(session, exercise):
+        session.advance()
+        known.append(tuple(session.run.failing))
+        if session.run.over:
+            break
+    assert known[0] == ()
+    assert known[-1] == ("instrument_on_wall",)
+    # It went on until the bleeding was stopped, and failed by what was known before.
+    assert session.run.outcome is not None
+    assert not session.run.outcome.passed
+    assert "the clip applier pressed on the common duct with" in session.run.outcome.reason
+    assert [each.kind for each in session.spatial.events] == ["bleeding", "clip", "stanched"]
+    assert next(i for i, each in enumerate(known) if each) < len(known) - 60
 
 
 def test_tissue_slips_out_of_a_grasper_that_pulls_harder_than_it_grips() -> None:

@@ -29,6 +29,16 @@ class Attempt:
         """What to do now, in a few words."""
         return self._followed.standing
 
+    @property
+    def failing(self) -> list[str]:
+        """The classes of errors made so far that fail it once all else is done."""
+        number = self._recorder.errors.number
+        return [
+            limit.of
+            for limit, of_errors in self._limits
+            if of_errors and limit.at_end and limit.passed_by(number.get(limit.of, 0))
+        ]
+
     def take(self) -> None:
         """Judge one tick whose measures are taken."""
         if self.outcome is not None:

@@ -82,6 +82,11 @@ class Run:
         return "" if self._attempt is None else self._attempt.standing
 
     @property
+    def failing(self) -> list[str]:
+        """The classes of errors made so far that fail the exercise once all else is done."""
+        return [] if self._attempt is None else self._attempt.failing
+
+    @property
     def outcome(self) -> Outcome | None:
         """How the exercise has ended, or None."""
         return None if self._attempt is None else self._attempt.outcome

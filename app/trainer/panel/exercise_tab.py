@@ -6,6 +6,7 @@ import math
 import viser
 
 from app.simulation import (
+    ERROR_CLASSES,
     FEW,
     FIRST_INSTRUMENTS,
     Exercise,
@@ -38,8 +39,10 @@ HOW: dict[Instrument, str] = {
     "grasper": "press the duct with the grasper, drag up to lift; it stays until you press G",
     "dissector": "drag the dissector; the right button leads it into the picture, behind the duct; "
     "O opens its jaws, C closes them",
+    "clip applier": "press beside the artery in the picture, and roll the wheel away from you "
+    "until the jaws are past it; G or the right button clips",
 }
-"""How an instrument is used at a bed."""
+"""How an instrument is used at a bed, and a clip applier at an anatomy."""
 LEANS_DEG, LEANS_N = 8.0, 0.2
 """A pull that is off straight up by more is told so, if it is stronger."""
 NONE, AWAITED = "None for this duct", "Working out its limits"
@@ -187,9 +190,17 @@ class ExerciseTab:
         session = self._state.session
         reading, exercise, holding = session.reading(), session.run.exercise, session.holding
         limits = {} if exercise is None else exercise.limit_of
+        # What is pointed at is judged once all is told.
+        shown = [] if exercise is None or exercise.looks_only else session.run.failing
+        fails = [
+            f"Fails it: {ERROR_CLASSES[each].title.lower()}. Stop, and try again" for each in shown
+        ]
         if "blood_lost_ml" in limits:
             lost = sum(each.lost_ml for each in reading.fluids if each.name == "blood")
-            return [f"{lost:.0f} of {limits['blood_lost_ml']:.0f} ml of blood lost"]
+            rate = sum(each.rate_ml_s for each in reading.fluids if each.name == "blood")
+            most = limits["blood_lost_ml"]
+            left = f", {max(0.0, most - lost) / rate:.0f} s left at this rate" if rate > 0.1 else ""
+            return [*fails, f"{lost:.0f} of {most:.0f} ml of blood lost{left}"]
         if session.specimen.anatomy is not None or reading.phase is not Phase.INTACT:
             return []
         lifted = f", pulled out {reading.deflection:.1f} mm" if reading.held else ""
@@ -202,7 +213,7 @@ class ExerciseTab:
                 for force, holds in zip(reading.forces, reading.holding, strict=True)
                 if holds
             ]
-        return [line for line in lines if line]
+        return [line for line in (*fails, *lines) if line]
 
     def _perform(self) -> None:
         """Play a careful performance of the exercise, by scripted hands."""
@@ -244,10 +255,13 @@ class ExerciseTab:
             else ""
         )
         in_hand = exercise.in_hand or FIRST_INSTRUMENTS
-        first = exercise.first_hand
-        tools = dict.fromkeys(in_hand[first:] + in_hand[:first])  # the one that is led first
+        first = exercise.first_hand  # its instrument is told of first
         at_bed = self._state.session.specimen.bed is not None
-        how = "; ".join(HOW[each] for each in tools if at_bed and each in HOW)
+        how = "; ".join(
+            HOW[each]
+            for each in dict.fromkeys(in_hand[first:] + in_hand[:first])
+            if each in HOW and at_bed != (each == "clip applier")
+        )
         if len(exercise.in_hand) > 1 and how:
             how += "; X leads the other hand"
         how = f"<b>How</b> {how[0].upper()}{how[1:]}.<br>" if how else ""
