@@ -133,10 +133,13 @@ class Trainee:
         self.page.keyboard.press("Enter")
 
     def lift(self, steps: int, *, by_mouse: bool = True) -> None:
-        """Take the duct in the middle and lift it by keys, half a millimetre each."""
+        """Take the duct in the middle by the hook and lift it by keys, half a millimetre each.
+
+        In a window's exercise the dissector is led first, and X goes on to the hook.
+        """
         if by_mouse:
             self.page.mouse.click(300, 500)  # from the field of the name to the picture
-        for key in ["g", *["ArrowUp"] * steps]:
+        for key in ["x", "g", *["ArrowUp"] * steps]:
             self.page.keyboard.press(key)
 
 

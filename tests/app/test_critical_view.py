@@ -337,6 +337,7 @@ def test_what_fails_a_bleeding_at_its_end_is_known_as_soon_as_it_is_done() -> No
     session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
     exercise = next(each for each in exercises_offered(session) if each.name == "stop_bleeding")
     session.start_exercise(exercise)
+    assert session.run.failing == [], "before the first touch, too"
     known: list[tuple[str, ...]] = []
     for _ in Clip(before=(3.5,)).inputs(session, exercise):
         session.advance()

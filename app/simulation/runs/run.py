@@ -84,7 +84,7 @@ class Run:
     @property
     def failing(self) -> list[str]:
         """The classes of errors made so far that fail the exercise once all else is done."""
-        return [] if self._attempt is None else self._attempt.failing
+        return self._attempt.failing if self._attempt is not None and self.started else []
 
     @property
     def outcome(self) -> Outcome | None:
