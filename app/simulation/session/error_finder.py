@@ -628,8 +628,8 @@ class ErrorFinder:
         if row[PLACE]:
             self._unplaced[i] = self._judge_place(i, watch)
         if row[LEANS]:
-            side = "far" if row[PULL + 1] > 0.0 else "near"
-            incidents.note("leaning", i, at, row[ANGLE], a=row[ANGLE], side=side)
+            to = ", to the far side" if row[PULL + 1] > 0.0 else ", to the near side"
+            incidents.note("leaning", i, at, row[ANGLE], a=row[ANGLE], to=to)
         if row[LIFTS]:
             incidents.note(
                 "over_lifted", i, at, stress, p=100.0 * stress, m=float(hand.place[2]),

@@ -294,8 +294,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "leaning", "Pulled sideways", 9,
             "the mean pull of a hold over 0.3 s leans sideways by more than `angle` for `seconds`, "
             "and is above `pull`",
-            "at {t:.1f} s you pulled {a:.0f} degrees off straight up, to the {side} side, which "
-            "loads one side of the wall",
+            "at {t:.1f} s you pulled {a:.0f} degrees off straight up{to}, which loads one side of "
+            "the wall",
             "Lead it back over where it was held at rest, and pull straight off the bed.",
             (
                 Parameter("angle", "deg", 20.0, "a choice: sideways pull is a third of the pull"),

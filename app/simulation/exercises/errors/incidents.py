@@ -36,7 +36,9 @@ class Incident(msgspec.Struct, frozen=True):
     @property
     def happened(self) -> str:
         """What was done and where: a clause without a full stop."""
-        return ERROR_CLASSES[self.error].happened.format(t=self.start_s, **self.values)
+        # Runs kept before a pull's side was known have none.
+        known = {"to": "", **self.values}
+        return ERROR_CLASSES[self.error].happened.format(t=self.start_s, **known)
 
     @property
     def sentence(self) -> str:
