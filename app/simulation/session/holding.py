@@ -40,32 +40,29 @@ def next_move(duct: SpatialTissue, goal: FreeLength, held_up: bool, station: flo
     -------
     str
     """
-    if all(hand.instrument != "dissector" for hand in duct.hands):
+    hand = next((each for each in duct.hands if each.instrument == "dissector"), None)
+    if hand is None:
         return _lift(duct, station)
     if held_up:
-        held = [hand for hand in duct.hands if hand.node is not None]
-        if not held:
+        holders = [each for each in duct.hands if each.node is not None]
+        if not holders:
             return f"Take hold of the duct in the bracket's middle, and lift it {LIFT_MM:.0f} mm"
-        up = max(float(hand.place[2]) for hand in held)
+        up = max(float(each.place[2]) for each in holders)
         if up < LIFT_MM - LEAST_MM:
             return f"Lift the duct {LIFT_MM - up:.0f} mm more, and leave it there"
-    for hand in duct.hands:
-        if hand.instrument != "dissector":
-            continue
-        if hand.opening < OPEN_MM:
-            return _closed_move(duct, goal, hand, station)
-        at = float(hand.place[0]) if station is None else station
-        aside = abs(float(hand.place[0]) - at)
-        if aside > 0.5 * hand.opening + REACH_MM:
-            return ""
-        if (short := _short(duct, hand, at)) > LEAST_MM:
-            return f"Close the jaws (C), and lead them {short:.0f} mm deeper, past what holds"
-        half, x = 0.5 * hand.opening, float(hand.place[0])
-        wide = x - half <= goal.from_mm and x + half >= goal.to_mm
-        if (wide or hand.opening >= WIDE_MM) and aside < half - REACH_MM:
-            return "Close the jaws (C), and open them beside the mark: what holds lies between them"
-        return f"Press O again and again, slowly: the jaws are {hand.opening:.0f} mm apart"
-    return ""
+    if hand.opening < OPEN_MM:
+        return _closed_move(duct, goal, hand, station)
+    half, x = 0.5 * hand.opening, float(hand.place[0])
+    at = x if station is None else station
+    aside = abs(x - at)
+    if aside > half + REACH_MM:
+        return ""
+    if (short := _short(duct, hand, at)) > LEAST_MM:
+        return f"Close the jaws (C), and lead them {short:.0f} mm deeper, past what holds"
+    wide = x - half <= goal.from_mm and x + half >= goal.to_mm
+    if (wide or hand.opening >= WIDE_MM) and aside < half - REACH_MM:
+        return "Close the jaws (C), and open them beside the mark: what holds lies between them"
+    return f"Press O again and again, slowly: the jaws are {hand.opening:.0f} mm apart"
 
 
 def _lift(duct: SpatialTissue, station: float | None) -> str:

@@ -15,6 +15,15 @@ LABEL_ASIDE = 0.15
 LINE_WIDTH = 2.5
 
 
+def _lines(
+    scene: viser.SceneApi, name: str, segments: NDArray[np.float32]
+) -> viser.LineSegmentsHandle:
+    """Add (L, 2, 3) segments, mm, in the goal's colour and as wide in any view."""
+    return scene.add_line_segments(
+        name, segments, GOAL_COLOR, thickness=LINE_WIDTH, thickness_units="screen"
+    )
+
+
 class GoalBand(Drawn):
     """A band into which the duct's upper edge is to be brought at the hook."""
 
@@ -30,13 +39,7 @@ class GoalBand(Drawn):
             material="standard",
             side="double",
         )
-        self._edges = scene.add_line_segments(
-            "/organ/goal/edges",
-            np.zeros((2, 2, 3), np.float32),
-            GOAL_COLOR,
-            thickness=LINE_WIDTH,
-            thickness_units="screen",
-        )
+        self._edges = _lines(scene, "/organ/goal/edges", np.zeros((2, 2, 3), np.float32))
         self._label = scene.add_label("/organ/goal/label", "Goal", anchor="bottom-right")
         super().__init__(self._area, self._edges, self._label)
         self._place: tuple[bytes, bytes] | None = None
@@ -70,13 +73,7 @@ class GoalStretch(Drawn):
         front, foot, tick = -1.5 * radius, -radius, 0.4 * radius
         places = [(low, foot + tick), (low, foot), (high, foot), (high, foot + tick)]
         corners = np.array([(along, front, up) for along, up in places], np.float32)
-        lines = scene.add_line_segments(
-            "/bed/goal",
-            corners[[0, 1, 1, 2, 2, 3]].reshape(3, 2, 3),
-            GOAL_COLOR,
-            thickness=LINE_WIDTH,
-            thickness_units="screen",
-        )
+        lines = _lines(scene, "/bed/goal", corners[[0, 1, 1, 2, 2, 3]].reshape(3, 2, 3))
         label = scene.add_label(
             "/bed/goal_label", "Free this", position=corners[1:3].mean(axis=0), anchor="top-center"
         )
@@ -88,13 +85,7 @@ class HoldMark(Drawn):
 
     def __init__(self, scene: viser.SceneApi, radius: float) -> None:
         self._foot, self._tip = 1.1 * radius, 2.0 * radius
-        self._tick = scene.add_line_segments(
-            "/bed/holds",
-            np.zeros((1, 2, 3), np.float32),
-            GOAL_COLOR,
-            thickness=LINE_WIDTH,
-            thickness_units="screen",
-        )
+        self._tick = _lines(scene, "/bed/holds", np.zeros((1, 2, 3), np.float32))
         self._label = scene.add_label("/bed/holds_label", "", anchor="bottom-center")
         self._shown: tuple[int, float] | None = None
         super().__init__(self._tick, self._label)

@@ -39,9 +39,9 @@ class DrawnStrands:
     """S strands, the scene node `NODE`, in the stage's coordinates.
 
     `numbers` are those that are streamed: `ROD_NUMBERS` of each of `rods`, then `NUMBERS` of each
-    strand. `feet`,
-    (S, 3), are in mm, `toughness`, (S,), in any unit, and `pairs`, (P, 2), are strands that films
-    join. Their feet lie in the bed of `stage`; a strand is drawn with so many `fibres`.
+    strand. `feet`, (S, 3), are in mm, `toughness`, (S,), in any unit, and `pairs`, (P, 2), are
+    strands that films join. Their feet lie in the bed of `stage`; a strand is drawn with so many
+    `fibres`.
     """
 
     def __init__(
