@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from simulated import bed_exercises, bed_session, phantom, settle
+from simulated import bed_exercises, bed_session, phantom
 
 from app.simulation import (
     MANNERS,
@@ -240,84 +240,3 @@ def test_an_exercise_that_makes_no_sense_is_refused(changed: dict[str, Any], wor
         plain[key] = plain[key] | each if isinstance(each, dict) else each
     with pytest.raises(msgspec.ValidationError, match=words):
         msgspec.convert(plain, Exercise)
-
-
-def test_a_dissector_s_next_move_is_named_until_the_jaws_open_where_strands_hold() -> None:
-    session = bed_session(phantom(), vertices=300)
-    exercise = next(each for each in bed_exercises(session) if each.name == "window")
-    session.start_exercise(exercise)
-
-    def move() -> str:
-        assert session.holding is not None
-        return session.holding.move
-
-    def pass_behind(depth: float) -> None:
-        begin = session.spatial.hands[1].target.copy()
-        for gone in np.arange(0.5, depth, 0.5):
-            session.move_hand(1, begin + np.array([0.0, gone, 0.0]))
-            session.advance()
-        settle(session)
-
-    def part(most: float) -> None:
-        for opening in np.arange(0.3, most, 0.3):
-            session.open_jaws(1, float(opening))
-            session.advance()
-
-    start = session.spatial.hands[1].target.copy()
-    assert re.fullmatch("Lead the dissector . mm to the right, to where there is room", move())
-    into = "mm into the picture (right button), slowly in tissue"
-    for raised, wanted in ((4.0, "mm down, until it is below the duct"), (0.0, into)):
-        session.move_hand(1, start + np.array([14.0, 0.0, raised]))
-        settle(session)
-        assert move().endswith(wanted)
-    # As deep as is said, and no deeper, it opens.
-    deeper = float(move().split(" mm ")[0].rpartition(" ")[2])
-    pass_behind(deeper + 1.0)
-    assert move() == "Press O again and again, slowly: the jaws open behind the duct"
-    part(12.0)
-    assert session.reading().broken > 50
-    assert move().endswith("the jaws are 12 mm apart")
-    assert session.holding is not None
-    held = session.holding
-    # What holds is where it is said to hold.
-    stations = session.spatial.surface.strands.stations / session.spatial.surface.scale
-    whole = session.spatial.beam.damage < 1.0
-    assert np.count_nonzero(whole & (np.abs(stations - held.station) <= 1.0)) == held.strands
-    # Too short a way behind the duct, jaws leave what is beyond their tips.
-    session.reset()
-    session.start_exercise(exercise)
-    session.move_hand(1, start + np.array([14.0, 0.0, 0.0]))
-    settle(session)
-    pass_behind(deeper - 5.0)
-    part(8.0)
-    assert "deeper, past what holds" in move()
-
-
-def test_a_lift_s_next_move_is_what_good_hands_do_at_the_front() -> None:
-    session = bed_session(phantom(), vertices=300)
-    exercise = next(each for each in bed_exercises(session) if each.name == "follow_front")
-    session.start_exercise(exercise)
-    assert session.holding is not None
-    assert session.holding.move == "Take hold of the duct at the right end of the bracket, and lift"
-    marked: float | None = None
-    moves: list[str] = []
-    holds = 0
-    for _ in MANNERS["follow_front"]["good"].inputs(session, exercise):
-        at = session.spatial.held_at(0)
-        if at is not None and marked is not None and moves[-1].startswith("Take hold"):
-            holds += 1
-            assert abs(at - marked) < 2.5, "they take hold at the mark"
-        session.advance()
-        if session.holding is None:
-            break
-        marked = session.holding.station if session.holding.strands else None
-        moves.append(session.holding.move)
-    assert session.run.outcome is not None
-    assert session.run.outcome.passed
-    assert holds > 5
-    assert {move.partition(",")[0] for move in moves} == {
-        "Lift on slowly", "Let go", "Take hold of the duct at the mark over it",
-    }  # fmt: skip
-    # They have let go within two ticks of being told to.
-    told = [move.startswith("Let go") for move in moves]
-    assert not any(all(three) for three in zip(told, told[1:], told[2:], strict=False))

@@ -97,7 +97,7 @@ def offered(view: PageView) -> bool:
     """Whether the page offers its exercises."""
     panel = view._panel
     assert isinstance(panel, PagePanel)
-    return bool(panel._exercises._offered)
+    return bool(panel.exercises._offered)
 
 
 def aside(view: PageView, station: float) -> np.ndarray:
@@ -601,7 +601,7 @@ def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand
         # The end of a run may open it at the same time: then one dialog is left, which is alive.
         kept = view.state.last_run
         assert kept is not None
-        view._panel.show_result(kept, view.state.last_errors)
+        view._panel.exercises.show_result(kept, view.state.last_errors)
         expect(page.get_by_role("dialog")).to_have_count(1)
         page.get_by_role("button", name="Expert there").first.click()
         tab.wait_until(lambda: view.state.playback is not None)

@@ -75,9 +75,10 @@ def between_the_ducts(trainee: Trainee, cystic: float, common: float) -> None:
 
 def begun(name: str) -> Trainee:
     """Return a trainee at an exercise."""
-    exercise = exercise_at(anatomy_named("normal"), name)
+    normal = anatomy_named("normal")
+    exercise = exercise_at(normal, name)
     assert exercise is not None
-    return Trainee("normal", exercise)
+    return Trainee(normal, exercise)
 
 
 def let_go(trainee: Trainee) -> None:

@@ -8,7 +8,7 @@ from unittest.mock import MagicMock
 import numpy as np
 from numpy.typing import NDArray
 
-from app.anatomy import anatomy_named, anatomy_network
+from app.anatomy import Anatomy, anatomy_network
 from app.simulation import (
     GRIP_N,
     TICK_SECONDS,
@@ -45,11 +45,10 @@ TAUT, EASED = 0.66, 0.45
 class Trainee:
     """Somebody who sees the picture, and leads the session by what the page sends."""
 
-    def __init__(self, anatomy: str, exercise: Exercise) -> None:
-        given = anatomy_named(anatomy)
-        self.session = Session(Specimen.of_anatomy(given), vertices=300, grip_N=GRIP_N)
+    def __init__(self, anatomy: Anatomy, exercise: Exercise) -> None:
+        self.session = Session(Specimen.of_anatomy(anatomy), vertices=300, grip_N=GRIP_N)
         self.session.start_exercise(exercise)
-        self.held = HeldScope(anatomy_network(given))
+        self.held = HeldScope(anatomy_network(anatomy))
         state = PageState(MagicMock(), self.session, cast(Workers, None))
         self.lead = ScopeLead(state, self.held)
         self._sent = 0
@@ -288,9 +287,11 @@ class Trainee:
             self.send("stop")
         elif "let the" in words or "a little" in words:
             self._ease(step.hand or 0, place)
-        elif "part the" in words:
+        elif "part the" in words or "clip applier into" in words:
             assert place is not None
-            self.take(1, "right angle" if "right angle" in words else "dissector")
+            assert step.tool is not None
+            if self.session.spatial.hands[1].instrument != step.tool:
+                self.take(1, step.tool)
             if math.dist(self.tip, place) > AWAY:
                 self.wheel(-6)
                 self.drag(place)
@@ -309,9 +310,11 @@ class Trainee:
             self.send("stop")
         elif "out of the tissue" in words:
             self.wheel(-6)
-        elif "stand still" in words:
+        elif "by a notch" in words:
+            self.wheel(-1)
+        elif "stand still" in words or "wait, and" in words:
             self.wait()
-        else:  # let go, open or close
+        else:  # let go, open, close or clip
             self.use()
 
     def _turn(self) -> None:

@@ -156,8 +156,10 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
     @property
     def caution(self) -> str:
         """What not to do, in one sentence."""
-        at_anatomy = self.opening is not None and self.opening.anatomy is not None
-        words = ["tear nothing" if at_anatomy else "do not tear the duct"]
+        opening = self.opening
+        words = ["do not tear the duct"]
+        if opening is not None and opening.anatomy is not None:
+            words = ["tear nothing" if opening.torn is None else "tear nothing else"]
         words = words if "tear" in self.limit_of else []
         words += [METRIC_OF[each.of].limit_words(each.value) for each in self.limits
                   if each.of in METRIC_OF]  # fmt: skip

@@ -454,7 +454,8 @@ class _Stopping:
     def __init__(self, goal: StopBleeding) -> None:
         self._wanted, self._ticks = max(1, round(goal.seconds / TICK_SECONDS)), 0
         self._bled = False
-        self.progress, self.standing, self.so_far = 0.0, "it bleeds", "the bleeding going on"
+        self.progress, self.standing = 0.0, "it bleeds from your first touch on"
+        self.so_far = "the bleeding going on"
 
     def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""

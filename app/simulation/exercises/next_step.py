@@ -1,4 +1,4 @@
-"""What an exercise of a critical view asks for next, in words of at most 25."""
+"""What an exercise at an anatomy asks for next, in words of at most 25."""
 
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
@@ -83,6 +83,13 @@ CLIP = (
 DIVIDE = (
     "Next: divide the {} between its clips, {} to stay and {} to go, scissors in the right hand."
 )
+CLIP_IN = (
+    "Next: lead the right hand's clip applier into the ring, past the {}, its jaws (J, L) along "
+    "the bar."
+)
+CLIP_NOW = "Next: clip it (G): the {} lies between the jaws."
+CLIPS_TOO = "Next: wheel the clip applier back by a notch: the {} lies between its jaws, too."
+STAYS_STOPPED = "Next: wait, and touch nothing: it has to stay stopped."
 
 
 class NextStep(NamedTuple):

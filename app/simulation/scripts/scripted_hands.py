@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import cycle
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,19 +22,14 @@ from app.simulation.exercises.exercise import Exercise
 from app.simulation.exercises.goals import FreeLength, Stay
 from app.simulation.inputs.clock import TICK_SECONDS
 from app.simulation.inputs.grasper import HAND_SPEED
-from app.simulation.inputs.trocar import TROCARS
 from app.simulation.session.session import Session
-from app.simulation.tissue.reached_tube import nearest_wall
-from app.simulation.tissue.spatial_tissue import JAW_RADIUS, LEAST_FLOW, SpatialTissue
+from app.simulation.tissue.clip_steps import FROM_TEAR_MM, JAWS_MM, Bleeding, ClipSite
+from app.simulation.tissue.spatial_tissue import JAW_RADIUS, LEAST_FLOW
 
 Floats = NDArray[np.float64]
 STEP_MM = 2.0
 """How far the front is to move before a good hand takes hold again."""
 REST_SECONDS = 0.3
-PAST_MM = 1.5
-"""How far jaws are led past a tube that they close."""
-JAWS_MM = 4.0
-"""How wide a clip applier is open then: past an artery's width, and short of its neighbours."""
 MOST_MM = 25.0
 """How far a hand lifts at most."""
 NEAR_BREAK = 0.5
@@ -175,41 +170,13 @@ class Reach:
         return out + _minimum_jerk(past, goal, back) + [goal] * round(stay / TICK_SECONDS)
 
 
-class _ClipSite(NamedTuple):
-    """Where a clip may be put on a tube: how the clip applier comes, and what it is clear of."""
-
-    shaft: Floats  # (3,) direction from the tip back
-    across: Floats  # (3,) in which its jaws open
-    tip: Floats  # (3,) mm
-    clear: float  # mm from its jaws to the nearest other tube
-
-    @classmethod
-    def of(cls, duct: SpatialTissue, tube: str, station: float, past: float) -> "_ClipSite":
-        """Return the site at a station, mm; its tip goes so many mm past the tube's axis."""
-        at = min(max(station, 0.0), duct.tubes.network.tubes[tube].span)
-        line = duct.beam.places_at(np.array([at - 0.5, at, at + 0.5]), tube)
-        shaft = TROCARS[1].shaft(line[1])
-        across = np.cross(shaft, line[2] - line[0])
-        across /= np.sqrt((across * across).sum())
-        tip = line[1] - past * shaft
-        clear = min(
-            nearest_wall(duct.beam, tip + aside * across + back * shaft, other)[0]
-            for aside in (-0.5 * JAWS_MM, 0.5 * JAWS_MM)
-            for back in (0.0, 4.0, 8.0)
-            for other in duct.tubes.names
-            if other != tube
-        )
-        return cls(shaft, across, tip, clear)
-
-
 @dataclass(frozen=True, slots=True)
 class Clip:
     """Clips the tube that bleeds, on the side from which the blood comes."""
 
     speed: float = 8.0  # mm/s of the tip
     seconds: float = 2.0  # until it goes, to find the tube
-    # mm from the tear: of these sites that which is clearest of other tubes
-    before: tuple[float, ...] = (1.5, 2.0, 3.0, 4.0)
+    before: tuple[float, ...] = FROM_TEAR_MM  # mm, the sites of which the clearest is taken
 
     def inputs(self, session: Session, exercise: Exercise) -> Iterator[None]:
         """Come along the shaft past the tube, clip it, and wait; once more if it bleeds on."""
@@ -220,17 +187,10 @@ class Clip:
             for _ in range(round(self.seconds / TICK_SECONDS)):
                 yield
             blood = duct.fluids["blood"]
-            hole = max(blood.holes, key=lambda each: each.flow)
-            rest = duct.tubes.network.tubes[hole.tube]
-            # The tear's other end lies further from where the blood comes.
-            ends = [each.station for each in blood.holes if each.tube == hole.tube]
-            up = -1.0 if max(ends) > hole.station else 1.0
-            past = float(rest.radius.max()) + PAST_MM
-            sites = [
-                _ClipSite.of(duct, hole.tube, hole.station + up * each, past)
-                for each in self.before
-            ]
-            site = max(sites, key=lambda each: each.clear)
+            bleeding = Bleeding.of(duct)
+            if bleeding is None:
+                return
+            site = ClipSite.clearest(duct, bleeding, self.before, JAWS_MM)
             session.aim(1, site.shaft.tolist())
             session.spread(1, site.across.tolist())
             start, goal = duct.hands[1].place.copy(), site.tip

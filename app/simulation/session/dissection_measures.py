@@ -217,11 +217,14 @@ class DissectionRecorder:
         return None if blood is None else 1e-3 * blood.lost
 
     def holding_beside(self, low: float, high: float) -> tuple[int, float] | None:
-        """Return how many strands hold next to the longest free stretch, and where, mm."""
+        """Return how many strands hold next to the longest free stretch, and where it ends, mm."""
         # Of both of its ends, that which fewer hold; without a stretch, of all places where some
-        # have parted.
+        # have parted, their middle.
+        # One that ends where the others begin counts; bins of some 1 mm say where.
         inside = [
-            (max(a, low), min(b, high)) for a, b in self.stretches if min(b, high) > max(a, low)
+            (max(a, low), min(b, high))
+            for a, b in self.stretches
+            if min(b, high) >= max(a, low) - 0.5 * BESIDE_MM
         ]
         surface = self.duct.surface
         stations = surface.strands.stations / surface.scale
@@ -229,20 +232,20 @@ class DissectionRecorder:
         whole, parted = stations[holds], stations[~holds]
         if inside:
             a, b = max(inside, key=lambda each: each[1] - each[0])
-            places = [(a - BESIDE_MM, a), (b, b + BESIDE_MM)]
+            places = [(a - BESIDE_MM, a, a), (b, b + BESIDE_MM, b)]
         else:
             starts = np.arange(low, high - BESIDE_MM + 1e-9, 0.5 * BESIDE_MM).tolist()
             places = [
-                (start, start + BESIDE_MM)
+                (start, start + BESIDE_MM, start + 0.5 * BESIDE_MM)
                 for start in starts
                 if ((parted >= start) & (parted < start + BESIDE_MM)).any()
             ]
         found: list[tuple[int, float]] = []
-        for start, end in places:
+        for start, end, place in places:
             first, last = max(start, low), min(end, high)
             count = int(((whole >= first) & (whole < last)).sum())
             if count:
-                found.append((count, 0.5 * (first + last)))
+                found.append((count, place))
         return min(found, default=None)
 
     def critical_view(self) -> CriticalView:

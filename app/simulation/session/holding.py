@@ -1,36 +1,73 @@
 """What still holds a duct that is to be freed, and what to do about it."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.simulation.exercises.goals import FreeLength
 from app.simulation.inputs.hand import Hand
 from app.simulation.runs.run_file import HANDS
-from app.simulation.tissue.spatial_tissue import JAW_RADIUS, SpatialTissue
+from app.simulation.tissue.spatial_tissue import JAW_RADIUS, MOST_OPENING, SpatialTissue
 
-HALF_MM, REACH_MM = 1.0, 3.0
-"""Strands within the first of a station are looked at. A dissector whose jaws are within the second
-of it is there; those farther inside both jaws are not parted by them as they open."""
+NEAR_MM, REACH_MM = 2.0, 3.0
+"""Strands within the first of a station are looked at. Jaws are to open farther than what they part
+by the second: strands lean."""
 LEAST_MM, OPEN_MM = 0.5, 1.0
 """mm by which a tip is worth being called off its place, and from which on jaws are open."""
-WIDE_MM = 25.0
-"""mm of jaws that are wide enough: what holds between them then has to be parted anew."""
-STEP_MM, LIFT_MM = 2.0, 2.0
+SHORT_MM = 2.0
+"""mm by which open jaws are short of what holds: closed ones were led past it."""
+STEP_MM, LIFT_MM = 2.0, 2.5
 """How far the front runs from a hold before the next one; how high a duct is held up."""
-BESIDE_MM = 2.0, 6.0
-"""How far from what holds closed jaws are best opened, mm."""
+BESIDE_MM = 3.5, 5.5
+"""How far from a scar closed jaws are best opened, mm: nearer, some of it lies between them."""
+CLEAR_MM = JAW_RADIUS + 1.0, 5.5
+"""The same from strands that hold, which lean, at the jaws' height."""
+HALF = 0.5
+"""Of the break, past which one lifts half as fast."""
+
+
+class Move(NamedTuple):
+    """What to do next."""
+
+    words: str  # a sentence without its full stop; may be empty
+    to: tuple[float, float, float] | None = None  # mm, where a dissector's tip is to be led
 
 
 class Holding(NamedTuple):
     """Strands that hold next to what is free, if some have parted, and what to do about them."""
 
     strands: int
-    station: float  # mm from the first clamp
-    move: str  # a sentence without its full stop; may be empty
+    station: float  # mm from the first clamp, where what is free ends
+    move: Move
 
 
-def next_move(duct: SpatialTissue, goal: FreeLength, held_up: bool, station: float | None) -> str:
+class _Strands(NamedTuple):
+    """Where strands that hold are at the height of jaws, mm: along the duct and across it."""
+
+    along: NDArray[np.float64]
+    across: NDArray[np.float64]
+
+    @classmethod
+    def between(cls, duct: SpatialTissue, hand: Hand, low: float, high: float) -> "_Strands":
+        """Return those that hold the duct between stations, mm."""
+        surface, beam = duct.surface, duct.beam
+        stations = surface.strands.stations / surface.scale
+        near = (stations >= low) & (stations <= high)
+        which = np.flatnonzero(near & (beam.damage[duct.tubes.strands_of[0]] < 1.0))
+        ends, feet = beam.strand_ends(which), beam.strand_feet(which)
+        span = np.minimum(feet[:, 2] - ends[:, 2], -1e-6)
+        down = np.clip((float(hand.place[2]) - ends[:, 2]) / span, 0.0, 1.0)
+        at = ends + down[:, None] * (feet - ends)
+        return cls(at[:, 0], at[:, 1])
+
+    def beyond(self, hand: Hand) -> float:
+        """Return how far a tip is short of the farthest, mm."""
+        return float(self.across.max() - hand.place[1]) if self.across.size else 0.0
+
+
+def next_move(duct: SpatialTissue, goal: FreeLength, held_up: bool, station: float | None) -> Move:
     """Return what to do next, of what holds at a station, mm, if that is known.
 
     A duct is freed by a dissector, if a hand has one, while it is `held_up` by the other if that is
@@ -38,31 +75,34 @@ def next_move(duct: SpatialTissue, goal: FreeLength, held_up: bool, station: flo
 
     Returns
     -------
-    str
+    Move
     """
     hand = next((each for each in duct.hands if each.instrument == "dissector"), None)
     if hand is None:
-        return _lift(duct, station)
+        return Move(_lift(duct, station))
     if held_up:
         holders = [each for each in duct.hands if each.node is not None]
         if not holders:
-            return f"Take hold of the duct in the bracket's middle, and lift it {LIFT_MM:.0f} mm"
+            return Move(
+                f"Take hold of the duct in the bracket's middle, and lift it {LIFT_MM:g} mm"
+            )
         up = max(float(each.place[2]) for each in holders)
         if up < LIFT_MM - LEAST_MM:
-            return f"Lift the duct {LIFT_MM - up:.0f} mm more, and leave it there"
+            return Move(f"Lift the duct {math.ceil(LIFT_MM - up)} mm more, and leave it there")
     if hand.opening < OPEN_MM:
         return _closed_move(duct, goal, hand, station)
     half, x = 0.5 * hand.opening, float(hand.place[0])
     at = x if station is None else station
-    aside = abs(x - at)
-    if aside > half + REACH_MM:
-        return ""
-    if (short := _short(duct, hand, at)) > LEAST_MM:
-        return f"Close the jaws (C), and lead them {short:.0f} mm deeper, past what holds"
-    wide = x - half <= goal.from_mm and x + half >= goal.to_mm
-    if (wide or hand.opening >= WIDE_MM) and aside < half - REACH_MM:
-        return "Close the jaws (C), and open them beside the mark: what holds lies between them"
-    return f"Press O again and again, slowly: the jaws are {hand.opening:.0f} mm apart"
+    short = _Strands.between(duct, hand, at - NEAR_MM, at + NEAR_MM).beyond(hand)
+    if short > SHORT_MM:
+        return Move(
+            f"Close the jaws (hold C), and lead them {short:.0f} mm deeper, past what holds"
+        )
+    wide = half >= max(abs(goal.from_mm - x), abs(goal.to_mm - x)) + REACH_MM
+    between = abs(x - at) < half - NEAR_MM
+    if (wide and between) or hand.opening >= MOST_OPENING:
+        return Move("Close the jaws (hold C), to open them anew beside what holds")
+    return Move(f"Hold O down: the jaws are {hand.opening:.0f} mm apart")
 
 
 def _lift(duct: SpatialTissue, station: float | None) -> str:
@@ -72,53 +112,46 @@ def _lift(duct: SpatialTissue, station: float | None) -> str:
         first = "at the right end of the bracket" if duct.divided else "in its middle"
         where = first if station is None else "at the mark over it"
         return f"Take hold of the duct {where}, and lift"
-    if station is not None and abs(held - station) - HALF_MM > STEP_MM:
+    if station is not None and abs(held - station) > STEP_MM:
         return "Let go, and take hold again at the mark over the duct"
-    return "Lift on slowly, until the front has moved by 2 mm"
+    if duct.stress_ratio > HALF:
+        return "Lift on half as fast: the wall is past half of its break"
+    return f"Lift on slowly, until the front has moved by {STEP_MM:.0f} mm"
 
 
-def _closed_move(duct: SpatialTissue, goal: FreeLength, hand: Hand, station: float | None) -> str:
+def _closed_move(duct: SpatialTissue, goal: FreeLength, hand: Hand, station: float | None) -> Move:
     """Return where closed jaws are to be led: beside what holds, below the duct, and behind it."""
-    x = float(hand.place[0])
+    x, y, z = hand.place.tolist()
     # Between closed jaws strands are not parted as they open.
-    low, high = (goal.from_mm, goal.to_mm) if station is None else (station, station)
-    if station is not None or not goal.one_stretch:
-        near, far = BESIDE_MM if station is not None else (0.0, goal.to_mm)
-        off = low - near - x if x < 0.5 * (low + high) else high + near - x
-        beside = "what holds" if station is not None else "the scar"
-        away = max(low - x, x - high)
-        if not near - LEAST_MM <= away <= far:
-            side = "right" if off > 0.0 else "left"
-            return f"Lead the dissector {abs(off):.0f} mm to the {side}, beside {beside}"
-    elif goal.one_stretch:
+    low, high, (near, far), beside = goal.from_mm, goal.to_mm, BESIDE_MM, "beside the scar"
+    if station is not None:
+        low, high = max(low, station - NEAR_MM), min(high, station + NEAR_MM)
+        along = _Strands.between(duct, hand, low, high).along
+        if along.size:
+            low, high = float(along.min()), float(along.max())
+        (near, far), beside = CLEAR_MM, "beside what holds"
+    aside = 0.0
+    if goal.one_stretch and station is None:
         room = min(goal.length_mm + REACH_MM, 0.5 * (high - low))
-        off = min(max(x, low + room), high - room) - x
-        if abs(off) > LEAST_MM:
-            side = "right" if off > 0.0 else "left"
-            return f"Lead the dissector {abs(off):.0f} mm to the {side}, to where there is room"
+        aside, beside = min(max(x, low + room), high - room) - x, "to where there is room"
+    elif not near - LEAST_MM <= max(low - x, x - high) <= far:
+        aside = low - near - x if x < 0.5 * (low + high) else high + near - x
+    if abs(aside) > LEAST_MM:
+        side = "right" if aside > 0.0 else "left"
+        words = f"Lead the dissector {math.ceil(abs(aside))} mm to the {side}, {beside}"
+        return Move(words, (x + aside, y, z))
     span = duct.tubes.network.tubes[duct.tubes.names[0]].span
     at = min(max(x * duct.surface.scale, 0.0), span)
     axis = duct.beam.places_at(np.array([at]), duct.tubes.names[0])[0]
-    down = float(hand.place[2] - axis[2]) + JAW_RADIUS + duct.radius
+    down = z - float(axis[2]) + JAW_RADIUS + duct.radius
     if down > LEAST_MM:
-        return f"Lead the dissector {down:.0f} mm down, until it is below the duct"
-    if (short := _short(duct, hand, x)) > LEAST_MM:
-        return (
-            f"Lead the dissector {short:.0f} mm into the picture (right button), slowly in tissue"
-        )
-    return "Press O again and again, slowly: the jaws open behind the duct"
-
-
-def _short(duct: SpatialTissue, hand: Hand, station: float) -> float:
-    """Return how far a tip is short of the farthest strand that holds at a station, mm."""
-    surface, beam = duct.surface, duct.beam
-    near = np.abs(surface.strands.stations / surface.scale - station) <= HALF_MM
-    which = np.flatnonzero(near & (beam.damage[duct.tubes.strands_of[0]] < 1.0))
-    if not which.size:
-        return 0.0
-    ends, feet = beam.strand_ends(which), beam.strand_feet(which)
-    # Where they are at the jaws' height.
-    span = np.minimum(feet[:, 2] - ends[:, 2], -1e-6)
-    down = np.clip((float(hand.place[2]) - ends[:, 2]) / span, 0.0, 1.0)
-    across = ends[:, 1] + down * (feet[:, 1] - ends[:, 1])
-    return float(across.max()) - float(hand.place[1])
+        words = f"Lead the dissector {math.ceil(down)} mm down, until it is below the duct"
+        return Move(words, (x, y, z - down))
+    # Behind all that its jaws are to part.
+    reach = goal.length_mm + REACH_MM
+    ahead = (x - reach, x + reach) if goal.one_stretch else (min(x, low), max(x, high))
+    short = _Strands.between(duct, hand, *ahead).beyond(hand)
+    if short > 0.0:
+        words = f"Lead the dissector {math.ceil(short)} mm into the picture (right button), slowly"
+        return Move(f"{words} in tissue", (x, y + short, z))
+    return Move("Hold O down: the jaws open behind the duct")

@@ -1,4 +1,4 @@
-"""What an exercise of a critical view asks for next, and where (docs/scope.md).
+"""What an exercise at an anatomy asks for next, and where (docs/scope.md).
 
 A step goes on until it is done: the gallbladder is taken hold of and drawn, or jaws are brought to
 a place, opened, closed and withdrawn. Only what strains a wall comes before it.
@@ -16,6 +16,7 @@ from app.anatomy import tube_title
 from app.simulation.exercises.critical_view import SOME, CriticalView, Part
 from app.simulation.exercises.exercise import Exercise
 from app.simulation.exercises.goals import CriticalView as Goal
+from app.simulation.exercises.goals import StopBleeding
 from app.simulation.exercises.next_step import (
     DRAW_ASIDE,
     DRAW_OFF,
@@ -32,6 +33,7 @@ from app.simulation.exercises.next_step import (
     closing_step,
 )
 from app.simulation.inputs.inputs import HOLDING
+from app.simulation.tissue.clip_steps import ClipSteps
 from app.simulation.tissue.jaw_steps import IN_RING_MM, RIGHT, TAUT, JawSteps, three
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.safety import Safety
@@ -92,13 +94,14 @@ class _Pulling:
 
 
 class Guidance:
-    """What is asked for next of a tissue, by what of its critical view is lacking."""
+    """What is asked for next of a tissue: by what of its critical view is lacking, or bleeds."""
 
     def __init__(self, safety: Safety) -> None:
         self._safety, self._places = safety, PartingPlaces(safety)
         self.tissue = safety.tissue
         """What is judged."""
 
+        self._clips = ClipSteps(self.tissue)
         self._part: Part | None = None
         self._pulling: _Pulling | None = None
         self._jaws: JawSteps | None = None
@@ -115,9 +118,12 @@ class Guidance:
     def next_step(self, exercise: Exercise, *, viewed: bool) -> NextStep | None:
         """Return what an exercise asks for next, once `viewed` what closes; None if nothing."""
         # What hands do is followed from call to call, some twice a second.
-        goal, view = exercise.goal, self._safety.critical_view()
+        goal = exercise.goal
+        if isinstance(goal, StopBleeding):
+            return self._clips.next_step()
         if not isinstance(goal, Goal):
             return None
+        view = self._safety.critical_view()
         if viewed:
             words = closing_step(self._safety.closings(), goal.stay, goal.go)
             return NextStep(words, np.zeros(0, dtype=np.int64)) if words else None

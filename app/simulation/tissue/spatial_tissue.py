@@ -553,11 +553,10 @@ class SpatialTissue:
         rods = self.touch(hand).rods
         return min((self.beam.nearness(*each[1:]) for each in rods), default=1.0)
 
-    def _between(self, hand: int) -> list[tuple[int, float]]:
-        """Return tubes, and stations on their beams, between a hand's jaws."""
+    def between_jaws(self, tip: Floats, aim: Floats, opening: float) -> list[tuple[int, float]]:
+        """Return tubes, and stations on their beams, between jaws: (3,) mm, (3,) back, mm."""
         # The whole width of a tube must be between them, and their tips past it.
-        holder, beam = self.hands[hand], self.beam
-        aim, half = np.array(holder.aim), 0.5 * holder.opening
+        beam, half = self.beam, 0.5 * opening
         out: list[tuple[int, float]] = []
         for tube, (name, rest) in enumerate(self.tubes.network.tubes.items()):
             stations = beam.stations_of(name)
@@ -565,7 +564,7 @@ class SpatialTissue:
             fifths = stations[:-1] + np.arange(5)[:, None] / 5.0 * np.diff(stations)
             fine = np.append(np.sort(fifths.ravel()), stations[-1])
             line = beam.places_at(fine, name)
-            offset = line - holder.place
+            offset = line - tip
             deep = (offset * aim).sum(axis=1)
             off = np.sqrt(((offset - deep[:, None] * aim) ** 2).sum(axis=1))
             at = int(off.argmin())
@@ -576,10 +575,10 @@ class SpatialTissue:
 
     def _close(self, hand: int, kind: InputKind) -> bool:
         """Clip or divide what is between a hand's jaws; return whether anything was."""
-        if self.hands[hand].instrument != ("clip applier" if kind == "clip" else "scissors"):
+        holder, found = self.hands[hand], False
+        if holder.instrument != ("clip applier" if kind == "clip" else "scissors"):
             return False
-        found = False
-        for tube, at in self._between(hand):
+        for tube, at in self.between_jaws(holder.place, np.array(holder.aim), holder.opening):
             name = self.tubes.names[tube]
             station = at / self.tubes.surfaces[tube].scale
             if kind == "clip":

@@ -12,6 +12,7 @@ from app.classroom.report import standing_svg
 from app.classroom.results import Standing
 from app.classroom.store import LONGEST_NAME
 from app.trainer.panel.controls import note, on_click, set_if_changed
+from app.trainer.panel.frame import START_TRY
 
 STATES = {
     "locked": "not open yet",
@@ -29,7 +30,7 @@ COLOURS = {
 TYPED_SECONDS = 0.2
 FIRST = -10.0
 """Order of the card, above all else of the panel."""
-START, START_TRY = "Do the class's exercise", "Start the next try"
+START = "Do the class's exercise"
 WHY_A_NAME = (
     "Your teacher sees your name, your duct and your results. Nothing is kept before you join; "
     "your teacher can delete all that is kept of you."

@@ -197,6 +197,7 @@ class Lesson:
             text = html.escape(course.level_of(step.level).step)
         if self.store.shows_standing and person is not None and assignment is not None:
             where = standing(self._results(), person.id, assignment.id)
+        member.view.state.next_try = None if step is None else lambda: self._put(member)
         member.card.show(
             Card(
                 title=self.store.title,

@@ -111,6 +111,8 @@ class PageState:
         self.paused = False  # whether the session's time stands still
         self.marks: tuple[Exercise, dict[str, float]] | None = None
         """Benchmarks of a course by metric, and the exercise that they are of."""
+        self.next_try: Callable[[], object] | None = None
+        """Starts the next try of a course; None without one."""
         self.series = PictureSeries()
         self.next_picture: Callable[[], object] = lambda: None
         """Shows the next picture of the series, in another anatomy."""

@@ -102,8 +102,8 @@ NOTHING_NEAR = (
 NOT_IN_RING = "Lead the tip into the ring first: To the ring, in the panel, says how far it is."
 ENDS = "Jaws do not hold there: a clamp, the other hand or a tear is too near."
 NOT_BETWEEN = (
-    "No tube lies between the open jaws with its whole width: clear it all round, and bring the "
-    "tips past it on either side."
+    "No tube lies between the open jaws with its whole width. Lead their tips on past it, one jaw "
+    "on either side; clear away first what is in between."
 )
 NOTHING_THERE = "No tube is seen there. Point at the wall of one."
 NOT_ASKED = (
@@ -184,11 +184,11 @@ class ScopeLead:
 
     @property
     def next_step(self) -> NextStep | None:
-        """What an exercise of a critical view asks for next, while that is shown."""
+        """What an exercise asks for next, while that is shown."""
         state, run = self._state, self._state.session.run
         exercise, tissue = run.exercise, state.session.spatial
         shown = state.marks_next and state.figures_visible and state.playback is None
-        if exercise is None or not exercise.shows_view or run.over or not shown:
+        if exercise is None or exercise.looks_only or run.over or not shown:
             return None
         if self._guidance is None or self._guidance.tissue is not tissue:
             self._guidance = Guidance(Safety(tissue))
@@ -212,7 +212,7 @@ class ScopeLead:
         step, holder = self.next_step, self._state.hands[self.hand]
         if step is None or step.along is None or self.leads_scope or step.hand != self.hand:
             return None
-        jawed = holder.instrument in PARTS
+        jawed = holder.instrument in PARTS or holder.instrument in COMES_OPEN
         return (turn_off(self.hand, holder, np.array(step.along)) or 0.0) if jawed else None
 
     @property

@@ -103,6 +103,10 @@ def next_time(
         return f"{last.instead}{again}"
     if outcome is not None and outcome.passed:
         return "The same once more, so that it was no luck."
+    if exercise.opening is not None and exercise.opening.torn is not None:
+        return (
+            "Do what the line Next asks for at once: jaws into the ring, past the artery, then G."
+        )
     for each in exercise.limits:
         metric = METRIC_OF.get(each.of)
         value: float | list[float] | None = metrics.get(each.of)

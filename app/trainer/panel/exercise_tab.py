@@ -2,6 +2,7 @@
 
 import html
 import math
+from collections.abc import Callable, Sequence
 
 import viser
 
@@ -11,8 +12,10 @@ from app.simulation import (
     FIRST_INSTRUMENTS,
     Exercise,
     Feedback,
+    Incident,
     Instrument,
     Phase,
+    RunFile,
     Session,
     careful_run,
     exercises_offered,
@@ -21,7 +24,9 @@ from app.simulation import (
 from app.trainer.client.beside import Role
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.controls import Choice, note, on_click, on_input, set_if_changed
+from app.trainer.panel.frame import LEARN, START_TRY
 from app.trainer.panel.result_page import SHOW, SHOW_ME, Watch, show_result
+from app.trainer.viser_bridge.page import open_tab
 
 FEEDBACK = {
     "Continuous": Feedback.CONTINUOUS,
@@ -37,10 +42,10 @@ ROLES: dict[Role, tuple[str, str]] = {
 HOW: dict[Instrument, str] = {
     "hook": "press the duct with the hook, drag up to lift; it lets go with the button",
     "grasper": "press the duct with the grasper, drag up to lift; it stays until you press G",
-    "dissector": "drag the dissector; the right button leads it into the picture, behind the duct; "
-    "O opens its jaws, C closes them",
-    "clip applier": "press beside the artery in the picture, and roll the wheel away from you "
-    "until the jaws are past it; G or the right button clips",
+    "dissector": "drag the dissector to the ring; the right button leads it into the picture, "
+    "behind the duct; hold O to open its jaws, C to close them",
+    "clip applier": "press on the cross, then roll the wheel away from you until the tip is in the "
+    "ring; J and L turn the jaws along its bar; G or the right button clips; B wipes the lens",
 }
 """How an instrument is used at a bed, and a clip applier at an anatomy."""
 LEANS_DEG, LEANS_N = 8.0, 0.2
@@ -55,9 +60,7 @@ class ExerciseTab:
         self._state, self._replay = state, replay
         self._offered: dict[str, Exercise] = {}
         self._key: object = None
-        self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown(
-            "Exercise", [AWAITED], hint="Its numbers follow from where this duct breaks"
-        )
+        self._choice: viser.GuiDropdownHandle[str] = gui.add_dropdown("Exercise", [AWAITED])
         # First: it is looked at while one works.
         self._status = gui.add_html("", visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False)
@@ -206,8 +209,8 @@ class ExerciseTab:
             return []
         lifted = f", pulled out {reading.deflection:.1f} mm" if reading.held else ""
         lines = [f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break{lifted}"]
-        if holding is not None and holding.move:
-            lines.insert(0, f"Next: {holding.move[0].lower()}{holding.move[1:]}")
+        if holding is not None and holding.move.words:
+            lines.insert(0, f"Next: {holding.move.words[0].lower()}{holding.move.words[1:]}")
         if "leaning" in limits:
             lines += [
                 _leaning(*force)
@@ -240,7 +243,29 @@ class ExerciseTab:
     def _show_last(self) -> None:
         state, run = self._state, self._state.last_run
         if run is not None:
-            show_result(state, run, state.last_errors, self._replay)
+            self.show_result(run, state.last_errors)
+
+    def show_result(self, run: RunFile, incidents: Sequence[Incident]) -> None:
+        """Open the result page of a run, which leads on to what comes after it."""
+        show_result(self._state, run, incidents, self._replay, self._after(run))
+
+    def _after(self, run: RunFile) -> tuple[str, Callable[[], object]] | None:
+        """Return a name of what comes after a run, and what starts it."""
+        if self._state.next_try is not None:
+            return START_TRY, self._state.next_try
+        titles = list(self._offered)
+        done = run.log.exercise
+        passed = run.outcome is not None and run.outcome.passed
+        if done is None or not passed or done.title not in titles[:-1]:
+            return None
+        title = titles[titles.index(done.title) + 1]
+
+        def start() -> None:
+            self._choice.value = title
+            self.start()
+            open_tab(self._state.client, LEARN)
+
+        return f"Next: {title}", start
 
     def _describe(self) -> None:
         exercise = self._exercise

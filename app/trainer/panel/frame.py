@@ -5,6 +5,8 @@ from viser import theme
 
 DISCLAIMER = "Not clinically validated, not a medical device."
 LEARN, REPLAY, BUILD = "Learn", "Replay", "Build"
+START_TRY = "Start the next try"
+"""Of a course, on the class's card and on a result."""
 WIDTH = 364
 """px."""
 BRAND = (38, 166, 154)

@@ -27,7 +27,7 @@ class Key(NamedTuple):
 
 _ALL = (
     Key("H", "H", "Colours", "tissue, stress or, of a bed, what is freed"),
-    Key("P", "P", "Pause or go on", "time stands still"),
+    Key("P", "P", "Pause or go on", "time stands still; not in an exercise"),
     Key("R", "R", "Reset", "a new, whole duct, and the view home"),
     Key("V", "V", "View home", "the camera back to where it shows the whole duct"),
 )

@@ -20,7 +20,6 @@ from app.trainer.panel.legend import Legend
 from app.trainer.panel.model_tab import ModelTab
 from app.trainer.panel.readout import duct_html, hidden_html, readout_html, zone, zone_while_hidden
 from app.trainer.panel.replay_tab import ReplayTab
-from app.trainer.panel.result_page import show_result
 from app.trainer.panel.scenes import add_scenes
 from app.trainer.panel.train_tab import TrainTab
 from app.trainer.stage.heat_map import freed_legend_html, heat_legend_html
@@ -63,7 +62,7 @@ class PagePanel:
         with tabs.add_tab("Train"):
             self._train = TrainTab(gui, state)
         with tabs.add_tab(LEARN):
-            self._exercises = ExerciseTab(gui, state, self.replay)
+            self.exercises = ExerciseTab(gui, state, self.replay)
         with tabs.add_tab("Compare"):
             self._compare = CompareTab(gui, state)
         with tabs.add_tab(REPLAY):
@@ -100,7 +99,7 @@ class PagePanel:
         self._legend.show(legend, state.client.camera.aspect)
         for tab in (self._train, self._compare, self._model):
             tab.show(reading)
-        self._exercises.show()
+        self.exercises.show()
         self._replay.show()
         # A screen reader announces the duct's new state, without figures.
         words = [
@@ -117,10 +116,6 @@ class PagePanel:
     def needs_redraw(self) -> bool:
         """Whether something shown has to go on although nothing has moved."""
         return self._train.needs_redraw
-
-    def show_result(self, run: RunFile, incidents: Sequence[Incident]) -> None:
-        """Open the result page of a run."""
-        show_result(self._state, run, incidents, self.replay)
 
     def replay(
         self, run: RunFile, at: float = 0.0, incidents: Sequence[Incident] | None = None

@@ -125,9 +125,11 @@ def show_result(
     run: RunFile,
     incidents: Sequence[Incident],
     watch: Watch,
+    after: tuple[str, Callable[[], object]] | None,
 ) -> None:
     """Open a run's result over the trainer: how it ended, its errors, measures, and what is next.
 
+    `after` is what comes after it: what its button says and does, if there is something.
     What the run's end has told is there at once. Its plots, what was seen and the expert's run
     follow: for them a worker replays it, until the result is closed.
     """
@@ -205,7 +207,13 @@ def show_result(
                 onward = gui.add_button(label, icon=viser.Icon.PLAYER_PLAY, color="teal")
                 on_click(onward, closing(state.next_picture))
         elif exercise is not None:
-            retry = gui.add_button("Try again", icon=viser.Icon.REFRESH, color="teal")
+            if after is not None:
+                label, start = after
+                onward = gui.add_button(label, icon=viser.Icon.PLAYER_PLAY, color="teal")
+                on_click(onward, closing(start))
+            retry = gui.add_button(
+                "Try again", icon=viser.Icon.REFRESH, color="teal" if after is None else "gray"
+            )
             on_click(retry, closing(again))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Errors"):

@@ -49,7 +49,6 @@ from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.pointing import Pointing
 from app.trainer.panel.readout import HANDS
 from app.trainer.panel.replay_tab import ReplayTab
-from app.trainer.panel.result_page import show_result
 from app.trainer.panel.scenes import add_scenes
 from app.trainer.viser_bridge.page import announce, bring_in, open_tab, take_arrows
 
@@ -87,7 +86,7 @@ TURN = 0.15
 LEAST_MM, CROSS_MM = 0.75, 2.0
 """mm off a ring that are worth a move, and in front of it, from which on its path has a cross."""
 MARKS = "Mark what is next"
-MARKED = "In First view and Critical view: a sentence, a ring where to, and a dot on each strand"
+MARKED = "In exercises: a sentence, a ring where to, and a dot on each strand"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
 YOU_HOLD = "You hold the scope. V gives it back."
 HOW_PX = 84
@@ -115,7 +114,7 @@ KEYS = (
     Key("G", "G", "Use the instrument", "take hold or let go; part or close; clip; divide; suck"),
     Key("O", "O", "Open the jaws", "by a millimetre"),
     Key("C", "C", "Close the jaws", "by a millimetre"),
-    Key("K", "K", "Point", "at the next structure that an exercise asks for, or no more"),
+    Key("K", "K", "Point", "in Critical view and Who is who: at the next structure, or no more"),
     Key("H", "H", "Photograph", "for the record: the front of the triangle, then the back"),
     Key("U", "U", "Not yet safe", "to tell structures apart, where an exercise asks"),
     Key("X", "X", "Other hand", "mouse and keys lead it"),
@@ -127,7 +126,7 @@ KEYS = (
     Key("J", "J", "Turn left", "the jaws about their shaft, or the scope's cable"),
     Key("L", "L", "Turn right", "the jaws about their shaft, or the scope's cable"),
     Key("V", "V", "Assistant", "gives the scope back to the assistant, who shows the triangle"),
-    Key("P", "P", "Pause or go on", "time stands still"),
+    Key("P", "P", "Pause or go on", "time stands still; not in an exercise"),
     Key("R", "R", "Reset", "all whole again"),
 )
 ALWAYS = ("Z", "V")
@@ -194,7 +193,7 @@ class ScopePanel:
         with tabs.add_tab("Train"):
             self._add_hands()
         with tabs.add_tab(LEARN):
-            self._exercises = ExerciseTab(gui, state, self.replay)
+            self.exercises = ExerciseTab(gui, state, self.replay)
         with tabs.add_tab(REPLAY):
             self._replay = ReplayTab(gui, state)
         if case is not None:
@@ -258,16 +257,12 @@ class ScopePanel:
         set_if_changed(self._marks, value=state.marks_next)
         self._pointing.show()
         self._photograph_view()
-        self._exercises.show()
+        self.exercises.show()
         self._replay.show()
         words = f"{self._standing(reading)} {self._asked}".strip()
         if words != self._announced:
             self._announced = words
             announce(state.client, words)
-
-    def show_result(self, run: RunFile, incidents: Sequence[Incident]) -> None:
-        """Open the result page of a run."""
-        show_result(self._state, run, incidents, self.replay)
 
     def replay(
         self, run: RunFile, at: float = 0.0, incidents: Sequence[Incident] | None = None

@@ -5,7 +5,7 @@ import viser
 
 from app.simulation import Dissection, Exercise, FreeLength, Phase, Reading, Session
 from app.trainer.scene.comparison_meshes import ChainLines, GhostMesh
-from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand, GoalStretch, HoldMark
+from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand, GoalStretch, HoldMark, MoveMark
 from app.trainer.scene.overlay import Overlay
 from app.trainer.stage.appearance import drawn_radius
 
@@ -23,6 +23,7 @@ class Annotations:
         self._stretch: GoalStretch | None = None
         self._stretch_of: Exercise | None = None
         self._holds: HoldMark | None = None
+        self._move: MoveMark | None = None
         self._overlay: Overlay | None = None
         self._ghost: GhostMesh | None = None
         self._chain: ChainLines | None = None
@@ -58,6 +59,14 @@ class Annotations:
             self._holds.visible = marked
             if holding is not None and marked:
                 self._holds.show(holding.strands, holding.station)
+        to = None if holding is None else holding.move.to
+        if to is not None and self._move is None:
+            self._move = MoveMark(self._client.scene)
+        if self._move is not None:
+            self._move.visible = to is not None
+            if to is not None:
+                jaws = next(e for e in session.spatial.hands if e.instrument == "dissector")
+                self._move.show(jaws.place, to)
 
     def _draw_goal(self, session: Session, reading: Reading, figures: bool) -> None:
         band = session.goal
@@ -133,9 +142,10 @@ class Annotations:
     def remove(self) -> None:
         """Remove all annotations from the scene."""
         for aid in (
-            self._goal, self._stretch, self._holds, self._overlay, self._ghost, self._chain,
+            self._goal, self._stretch, self._holds, self._move, self._overlay, self._ghost,
+            self._chain,
         ):  # fmt: skip
             if aid is not None:
                 aid.remove()
-        self._goal = self._stretch = self._stretch_of = self._holds = None
+        self._goal = self._stretch = self._stretch_of = self._holds = self._move = None
         self._overlay = self._ghost = self._chain = None

@@ -13,6 +13,7 @@ HALF_LENGTH = 0.3
 LABEL_ASIDE = 0.15
 # px.
 LINE_WIDTH = 2.5
+RING_MM, RING_SIDES = 1.5, 24
 
 
 def _lines(
@@ -99,3 +100,25 @@ class HoldMark(Drawn):
         self._tick.points = ends
         self._label.position = ends[0, 1]
         self._label.text = f"{strands} hold{'s' * (strands == 1)} here"
+
+
+class MoveMark(Drawn):
+    """A ring where the tip of an instrument is to be led, and a line to it."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        angles = np.linspace(0.0, 2.0 * np.pi, RING_SIDES + 1)
+        around = RING_MM * np.stack([np.cos(angles), 0.0 * angles, np.sin(angles)], axis=1)
+        self._ring = np.stack([around[:-1], around[1:]], axis=1)
+        self._ends = np.zeros((RING_SIDES + 1, 2, 3), np.float32)
+        self._shown: tuple[float, ...] = ()
+        self._lines = _lines(scene, "/bed/move", self._ends)
+        super().__init__(self._lines)
+
+    def show(self, tip: NDArray[np.float64], to: tuple[float, float, float]) -> None:
+        """Show the ring, mm, and the line from a tip, (3,) mm."""
+        if self._shown == (shown := (*tip.tolist(), *to)):
+            return
+        self._shown = shown
+        self._ends[:-1] = self._ring + to
+        self._ends[-1] = tip, to
+        self._lines.points = self._ends.copy()  # viser keeps what it is given

@@ -391,11 +391,11 @@ class PageView:
                 state.series.take(run.exercise, run.outcome)
             state.announced = run  # from now on another pull may begin anew
             if judged and kept is not None:
-                panel, errors = self._panel, state.last_errors
+                exercises, errors = self._panel.exercises, state.last_errors
                 state.when_free(
                     state.workers.awaited,
                     (id(self), "result"),
-                    lambda: panel.show_result(kept, errors),
+                    lambda: exercises.show_result(kept, errors),
                 )
             elif reading.torn_at is not None:
                 self._notice = self.client.add_notification(

@@ -154,10 +154,19 @@ const lettersOff = () => {
   try { return localStorage.getItem(STORED + letterKeys) === "off"; }
   catch { return false; }
 };
+// A key that is held down opens, closes or turns jaws evenly; any other letter acts once a press.
+const EVENLY = /^[ocjl]$/i, EVERY_MS = 120;
+let acted = 0;
+const tooSoon = ({key, repeat, timeStamp}) => {
+  if (repeat && (!EVENLY.test(key) || timeStamp - acted < EVERY_MS)) return true;
+  acted = timeStamp;
+  return false;
+};
 document.body.addEventListener("keydown", event => {
   const own = event.target.closest?.("input,textarea,[role=slider],[role=tab],[role=option]");
   const letter = /^Key/.test(event.code) && !event.ctrlKey && !event.metaKey && !event.altKey;
-  if (letter && (lettersOff() || (/[WASDQE]$/.test(event.code) && !own))) event.stopPropagation();
+  const walks = /[WASDQE]$/.test(event.code) && !own;
+  if (letter && (lettersOff() || walks || tooSoon(event))) event.stopPropagation();
   if (own && event.key.startsWith("Arrow")) event.stopPropagation();
 });
 
