@@ -81,8 +81,8 @@ EXERCISES: dict[str, ExerciseKind] = {
         "the cystic artery tears with your first touch; bring the open clip applier past it, a jaw "
         "on either side, between the tear and where its blood comes from, and clip it",
         ("wrong_structure", "clip_wrong_tube", "clip_astray", "unattended_bleeding", "blind_stab"),
-        ALL_INSTRUMENTS, in_hand=("grasper", "clip applier"), first_hand=1, time_limit_s=60.0,
-        spare=8.0,
+        ALL_INSTRUMENTS, in_hand=("grasper", "clip applier"), first_hand=1, time_limit_s=30.0,
+        spare=4.0,
         errors_at_end=(
             "tension_on_vessel", "instrument_on_wall", "fast_in_tissue", "jumping_jaws", "unseen",
         ),

@@ -281,14 +281,18 @@ class ExerciseTab:
             else ""
         )
         in_hand = exercise.in_hand or FIRST_INSTRUMENTS
-        first = exercise.first_hand  # its instrument is told of first
+        # The instrument that is led first; the other one where it is needed.
+        first = exercise.first_hand
+        if exercise.in_hand and "no_traction" not in exercise.limit_of:
+            in_hand = in_hand[first : first + 1]
+            first = 0
         at_bed = self._state.session.specimen.bed is not None
         how = "; ".join(
             HOW[each]
             for each in dict.fromkeys(in_hand[first:] + in_hand[:first])
             if each in HOW and at_bed != (each == "clip applier")
         )
-        if len(exercise.in_hand) > 1 and how:
+        if len(in_hand) > 1 and how and exercise.in_hand:
             how += "; X leads the other hand"
         how = f"<b>How</b> {how[0].upper()}{how[1:]}.<br>" if how else ""
         self._task.content = (
