@@ -1,5 +1,6 @@
 """A duct in its bed in a real browser: hands, read-out, tear, bed, and the page's two modes."""
 
+import itertools
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -80,6 +81,23 @@ def drag(
     for step in range(1, 9):
         mouse.move(start[0] + direction[0] * step / 8, start[1] + direction[1] * step / 8)
         tab.next_picture()
+
+
+REACHED = """() => {
+    window.reached = [];
+    document.documentElement.addEventListener("keydown", ({key, timeStamp}) => {
+        window.reached.push([key, timeStamp]);
+    });
+}"""
+"""Keeps keys, and when in ms, that are not stopped on their way to what acts on them."""
+LINES = """name => {
+    let found = null;
+    window.__viserMutable.nodeRefFromName[name].traverse(node => {
+        if (node.geometry?.attributes.instanceStart) found = node.geometry.attributes;
+    });
+    return Array.from(found.instanceStart.data.array);
+}"""
+"""Start and end, mm, of each line of a node, as the page draws it."""
 
 
 def still(session: Session) -> bool:
@@ -244,6 +262,21 @@ def test_keys_lead_the_hand_and_open_the_jaws(browser: Browser, dissections: Tra
         tab.wait_until(lambda: hand().target_opening == 10.0 * NUDGE)
         keyboard.press("c")
         tab.wait_until(lambda: tab.slider("Jaws (mm)") == 8.0 * NUDGE)
+
+        # Held down, keys of the jaws act evenly, and others once.
+        tab.page.evaluate(REACHED)
+        for key in ("o", "x"):
+            for _ in range(40):
+                keyboard.down(key)
+            keyboard.up(key)
+        reached = tab.page.evaluate("window.reached")
+        opened = [at for key, at in reached if key == "o"]
+        assert len(reached) == len(opened) + 1
+        assert all(b - a >= 120.0 for a, b in itertools.pairwise(opened))
+        tab.wait_until(lambda: hand().target_opening == 8.0 * NUDGE + len(opened))
+        tab.wait_until(lambda: view.state.hand == 1)
+        keyboard.press("x")
+        tab.wait_until(lambda: view.state.hand == 0)
         # Behind the duct, opening frees it, at a fraction of what its wall bears.
         session.move_hand(0, hand().place + np.array([0.0, 25.0, 0.0]))
         tab.wait_until(lambda: still(session))
@@ -487,6 +520,38 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         expect(tab.readout).to_contain_text("Replay")
         tab.press("Leave the replay")
         tab.wait_until(lambda: view.state.playback is None)
+        # What was passed leads on to what is listed below it.
+        following = bed_exercises(session)[1]
+        tab.open("Learn")
+        tab.press("Result of the last run")
+        tab.press(f"Next: {following.title}")
+        expect(page.get_by_test_id("task")).to_contain_text(following.caution)
+        assert session.run.exercise == following
+
+
+def test_a_ring_is_where_the_dissector_is_to_be_led(browser: Browser, dissections: Trainer) -> None:
+    with trainer_page(browser, dissections.address) as tab:
+        view = newest_dissection(dissections)
+        session = view.session
+        exercise = next(e for e in bed_exercises(session) if e.name == "window")
+        view.state.start_exercise(exercise, Feedback.CONTINUOUS)
+        tab.wait_for_path("/bed/move")
+
+        def drawn() -> bool:
+            """Whether the ring is round where it is asked for, and the line comes from the tip."""
+            asked = session.holding
+            if asked is None or asked.move.to is None:
+                return False
+            lines = np.array(tab.page.evaluate(LINES, "/bed/move")).reshape(-1, 6)
+            ring, line = lines[:-1], lines[-1]
+            tip = session.spatial.hands[1].place
+            return np.allclose(ring[:, :3].mean(axis=0), asked.move.to, atol=1e-3) and np.allclose(
+                line, [*tip, *asked.move.to], atol=1e-3
+            )
+
+        tab.wait_until(drawn)
+        session.move_hand(1, session.spatial.hands[1].place + np.array([6.0, 0.0, 0.0]))
+        tab.wait_until(lambda: still(session) and drawn())
 
 
 def test_a_result_is_there_before_its_run_is_replayed(

@@ -40,7 +40,8 @@ class Caption:
         moved = np.sqrt((moves**2).sum(axis=1))
         i = max(range(len(hands)), key=lambda each: (abs(opened[each]) > OPENS_MM, moved[each]))
         if abs(opened[i]) > OPENS_MM:
-            does = "opens its jaws (O)" if opened[i] > 0.0 else "closes its jaws (C)"
+            closes = "closes" if hands[i].opening < OPENS_MM else "narrows"
+            does = "opens its jaws (O)" if opened[i] > 0.0 else f"{closes} its jaws (C)"
         elif moved[i] <= MOVES_MM:
             return
         elif tissue.broken > broken and hands[i].instrument not in HOLDING:

@@ -105,7 +105,7 @@ def next_time(
         return "The same once more, so that it was no luck."
     if exercise.opening is not None and exercise.opening.torn is not None:
         return (
-            "Do what the line Next asks for at once: jaws into the ring, past the artery, then G."
+            "Lose no time: press on the cross, roll in until the tip is in the ring, then press G."
         )
     for each in exercise.limits:
         metric = METRIC_OF.get(each.of)

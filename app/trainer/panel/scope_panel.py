@@ -487,7 +487,9 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool) -> str:
         f"{abs(far):.0f} {more if far > 0.0 else less}" if round(abs(far)) > 0 else ""
         for far, (more, less) in zip(numbers, names, strict=True)
     )
-    aside, wheel = ", ".join(filter(None, (across, along))), notches and f"wheel {notches}"
+    aside = ", ".join(filter(None, (across, along)))
+    number, _, direction = notches.partition(" ")
+    wheel = notches and f"{number} notch{'es' * (number != '1')} {direction}"
     if holds:
         return ", then ".join(filter(None, (aside and f"drag {aside} mm", wheel)))
     # Out comes first, and in last: one goes aside in front of the tissue.
