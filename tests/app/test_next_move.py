@@ -134,7 +134,7 @@ def test_a_dissector_s_next_move_is_named_until_the_jaws_open_where_strands_hold
 
     start = session.spatial.hands[1].target.copy()
     assert re.fullmatch("Lead the dissector . mm to the right, to where there is room", move())
-    into = "mm into the picture (right button), slowly in tissue"
+    into = "mm into the picture (right button, upwards), slowly in tissue"
     for raised, wanted in ((4.0, "mm down, until it is below the duct"), (0.0, into)):
         session.move_hand(1, start + np.array([14.0, 0.0, raised]))
         settle(session)
@@ -149,7 +149,7 @@ def test_a_dissector_s_next_move_is_named_until_the_jaws_open_where_strands_hold
     assert move() == "Hold O down: the jaws open behind the duct"
     part(12.0)
     assert session.reading().broken > 50
-    assert move().endswith("the jaws are 12 mm apart")
+    assert move().endswith("the jaws are 12 of 40 mm apart")
     assert session.holding is not None
     held = session.holding
     # What holds is where it is said to hold; nothing is free yet as far as that counts.

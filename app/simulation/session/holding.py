@@ -102,7 +102,7 @@ def next_move(duct: SpatialTissue, goal: FreeLength, held_up: bool, station: flo
     between = abs(x - at) < half - NEAR_MM
     if (wide and between) or hand.opening >= MOST_OPENING:
         return Move("Close the jaws (hold C), to open them anew beside what holds")
-    return Move(f"Hold O down: the jaws are {hand.opening:.0f} mm apart")
+    return Move(f"Hold O down: the jaws are {hand.opening:.0f} of {MOST_OPENING:.0f} mm apart")
 
 
 def _lift(duct: SpatialTissue, station: float | None) -> str:
@@ -152,6 +152,6 @@ def _closed_move(duct: SpatialTissue, goal: FreeLength, hand: Hand, station: flo
     ahead = (x - reach, x + reach) if goal.one_stretch else (min(x, low), max(x, high))
     short = _Strands.between(duct, hand, *ahead).beyond(hand)
     if short > 0.0:
-        words = f"Lead the dissector {math.ceil(short)} mm into the picture (right button), slowly"
-        return Move(f"{words} in tissue", (x, y + short, z))
+        words = f"Lead the dissector {math.ceil(short)} mm into the picture (right button, upwards)"
+        return Move(f"{words}, slowly in tissue", (x, y + short, z))
     return Move("Hold O down: the jaws open behind the duct")
