@@ -262,6 +262,9 @@ def test_a_level_is_shown_failed_tried_again_and_passed_and_the_teacher_sees_it(
                 break
         expect(page.get_by_test_id("outcome")).to_contain_text("Kept there for 3 s")
         expect(page.get_by_test_id("error")).to_have_count(0)
+        # The result leads on as the card does.
+        onward = page.get_by_role("dialog").get_by_role("button", name="Start the next try")
+        expect(onward).to_be_visible()
         page.get_by_role("button", name="Close", exact=True).last.click()
         assert [each.passed for each in lesson.store.runs()] == [False, True]
         expect(levels).to_contain_text("Level 2 of 2: The front.")

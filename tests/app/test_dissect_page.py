@@ -266,7 +266,7 @@ def test_keys_lead_the_hand_and_open_the_jaws(browser: Browser, dissections: Tra
         # Held down, keys of the jaws act evenly, and others once.
         tab.page.evaluate(REACHED)
         for key in ("o", "x"):
-            for _ in range(40):
+            for _ in range(30):
                 keyboard.down(key)
             keyboard.up(key)
         reached = tab.page.evaluate("window.reached")
@@ -277,6 +277,8 @@ def test_keys_lead_the_hand_and_open_the_jaws(browser: Browser, dissections: Tra
         tab.wait_until(lambda: view.state.hand == 1)
         keyboard.press("x")
         tab.wait_until(lambda: view.state.hand == 0)
+        session.open_jaws(0, 8.0 * NUDGE)  # however often it was
+        tab.wait_until(lambda: still(session) and tab.slider("Jaws (mm)") == 8.0 * NUDGE)
         # Behind the duct, opening frees it, at a fraction of what its wall bears.
         session.move_hand(0, hand().place + np.array([0.0, 25.0, 0.0]))
         tab.wait_until(lambda: still(session))

@@ -60,6 +60,7 @@ class Hand:
 
     __slots__ = (
         "aim",
+        "closes",
         "holds",
         "instrument",
         "jaws",
@@ -81,6 +82,7 @@ class Hand:
         self.target = self.place.copy()  # (3,) where the tip goes, mm
         self.speed = np.zeros(3)  # mm/s
         self.opening = self.target_opening = 0.0  # between the axes of a dissector's jaws, mm
+        self.closes = False  # whether they were led together last
         self.aim = self.spread = (0.0, 0.0, 0.0)  # from the tip back along the shaft; of jaws
         self.node: int | None = None  # the beam's node that it holds
         self.tube = 0  # number of the tube that it holds or last held

@@ -91,6 +91,8 @@ def next_move(duct: SpatialTissue, goal: FreeLength, held_up: bool, station: flo
             return Move(f"Lift the duct {math.ceil(LIFT_MM - up)} mm more, and leave it there")
     if hand.opening < OPEN_MM:
         return _closed_move(duct, goal, hand, station)
+    if hand.closes:
+        return Move(f"Close the jaws wholly (hold C): they are {hand.opening:.0f} mm apart")
     half, x = 0.5 * hand.opening, float(hand.place[0])
     at = x if station is None else station
     short = _Strands.between(duct, hand, at - NEAR_MM, at + NEAR_MM).beyond(hand)

@@ -715,7 +715,10 @@ class SpatialTissue:
 
     def open_jaws(self, hand: int, opening: float) -> None:
         """Set how far a dissector's jaws part, mm between their axes."""
-        self.hands[hand].target_opening = min(max(opening, 0.0), MOST_OPENING)
+        holder, opening = self.hands[hand], min(max(opening, 0.0), MOST_OPENING)
+        if opening != holder.target_opening:
+            holder.closes = opening < holder.target_opening
+        holder.target_opening = opening
 
     def touch(self, hand: int) -> HandContact:
         """Return what a hand does to the beam now."""

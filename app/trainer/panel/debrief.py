@@ -82,9 +82,9 @@ def next_time(
     str
     """
     errors = [each for one in tries for each in one if each.error != "tear"]
-    # What was wrong in earlier tries has not failed one without errors.
-    failed_without = not tries[-1] and outcome is not None and not outcome.passed
-    if decided is not None or (errors and not failed_without):
+    # What was wrong in earlier tries says nothing of one without errors.
+    without = not tries[-1] and outcome is not None
+    if decided is not None or (errors and not without):
         # What failed it; else the commonest error of this try, or of most tries; of those what was
         # done, not what came of it, by their order.
         often = Counter(key for one in tries for key in {each.error for each in one})

@@ -209,6 +209,9 @@ class ExerciseTab:
             return []
         lifted = f", pulled out {reading.deflection:.1f} mm" if reading.held else ""
         lines = [f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break{lifted}"]
+        if (most := limits.get("peak_stress_ratio")) is not None:  # as the limit is written
+            at = 100.0 * reading.stress_ratio
+            lines = [f"Wall at {at:.0f} % of its break, {100.0 * most:.0f} % allowed{lifted}"]
         if holding is not None and holding.move.words:
             lines.insert(0, f"Next: {holding.move.words[0].lower()}{holding.move.words[1:]}")
         if "leaning" in limits:

@@ -154,11 +154,13 @@ const lettersOff = () => {
   try { return localStorage.getItem(STORED + letterKeys) === "off"; }
   catch { return false; }
 };
-// A key that is held down opens, closes or turns jaws evenly; any other letter acts once a press.
-const EVENLY = /^[ocjl]$/i, EVERY_MS = 120;
+// A key that is held down moves a tip, or opens, closes or turns jaws, evenly; any other letter acts
+// once a press. So a tip goes at 8 mm/s, and jaws as fast.
+const JAWS_MS = 120, TIP_MS = 60;
 let acted = 0;
 const tooSoon = ({key, repeat, timeStamp}) => {
-  if (repeat && (!EVENLY.test(key) || timeStamp - acted < EVERY_MS)) return true;
+  const every = key.startsWith("Arrow") ? TIP_MS : /^[ocjl]$/i.test(key) ? JAWS_MS : Infinity;
+  if (repeat && timeStamp - acted < every) return true;
   acted = timeStamp;
   return false;
 };
@@ -167,7 +169,8 @@ document.body.addEventListener("keydown", event => {
   const letter = /^Key/.test(event.code) && !event.ctrlKey && !event.metaKey && !event.altKey;
   const walks = /[WASDQE]$/.test(event.code) && !own;
   if (letter && (lettersOff() || walks || tooSoon(event))) event.stopPropagation();
-  if (own && event.key.startsWith("Arrow")) event.stopPropagation();
+  const arrow = event.key.startsWith("Arrow"), led = arrowsTaken && !event.ctrlKey;
+  if (arrow && (own || (led && tooSoon(event)))) event.stopPropagation();
 });
 
 // A hand takes what is near: a finger is wide, and a mouse is not always aimed well.
