@@ -83,10 +83,9 @@ CLIP = (
 DIVIDE = (
     "Next: divide the {} between its clips, {} to stay and {} to go, scissors in the right hand."
 )
-CLIP_IN = (
-    "Next: lead the right hand's clip applier into the ring, past the {}, its jaws (J, L) along "
-    "the bar."
-)
+CLIP_IN = "Next: lead the right hand's clip applier into the ring, past the {}{}."
+ALONG_BAR = ", its jaws (J, L) along the bar"
+"""Where they are to be turned for that."""
 CLIP_NOW = "Next: clip it (G): the {} lies between the jaws."
 CLIPS_TOO = "Next: wheel the clip applier back by a notch: the {} lies between its jaws, too."
 STAYS_STOPPED = "Next: wait, and touch nothing: it has to stay stopped."

@@ -16,7 +16,7 @@ NEAR_MM, REACH_MM = 2.0, 3.0
 by the second: strands lean."""
 LEAST_MM, OPEN_MM = 0.5, 1.0
 """mm by which a tip is worth being called off its place, and from which on jaws are open."""
-SHORT_MM = 2.0
+SHORT_MM = 1.0
 """mm by which open jaws are short of what holds: closed ones were led past it."""
 STEP_MM, LIFT_MM = 2.0, 2.5
 """How far the front runs from a hold before the next one; how high a duct is held up."""

@@ -6,9 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import tube_title
-from app.simulation.exercises.next_step import CLIP_IN, CLIP_NOW, CLIPS_TOO, STAYS_STOPPED, NextStep
+from app.simulation.exercises.next_step import (
+    ALONG_BAR,
+    CLIP_IN,
+    CLIP_NOW,
+    CLIPS_TOO,
+    STAYS_STOPPED,
+    NextStep,
+)
 from app.simulation.inputs.trocar import TROCARS
-from app.simulation.tissue.jaw_steps import RIGHT, three
+from app.simulation.tissue.jaw_steps import RIGHT, TURNED, three, turn_off
 from app.simulation.tissue.reached_tube import nearest_wall
 from app.simulation.tissue.spatial_tissue import CLIP_OPENING, LEAST_FLOW, SpatialTissue
 
@@ -122,7 +129,8 @@ class ClipSteps:
         between = {tissue.tubes.names[tube]: at for tube, at in found}
         others = [each for each in between if each != bleeding.tube]
         if not bleeding.is_closed_by(between):
-            words = CLIP_IN.format(title)
+            off = turn_off(RIGHT, hand, site.across)
+            words = CLIP_IN.format(title, ALONG_BAR * (off is not None and abs(off) > TURNED))
         else:
             words = CLIPS_TOO.format(tube_title(others[0])) if others else CLIP_NOW.format(title)
         return NextStep(
