@@ -289,8 +289,7 @@ class Trainee:
             self._ease(step.hand or 0, place)
         elif "part the" in words or "clip applier into" in words:
             assert place is not None
-            assert step.tool is not None
-            if self.session.spatial.hands[1].instrument != step.tool:
+            if step.tool is not None and step.tool != "clip applier":  # which it has
                 self.take(1, step.tool)
             if math.dist(self.tip, place) > AWAY:
                 self.wheel(-6)
