@@ -22,18 +22,19 @@ from app.simulation.exercises.exercise import Exercise
 from app.simulation.exercises.goals import FreeLength, Stay
 from app.simulation.inputs.clock import TICK_SECONDS
 from app.simulation.inputs.grasper import HAND_SPEED
+from app.simulation.session.holding import NEAR_BREAK, STEP_MM
 from app.simulation.session.session import Session
-from app.simulation.tissue.clip_steps import FROM_TEAR_MM, JAWS_MM, Bleeding, ClipSite
+from app.simulation.tissue.clip_steps import Bleeding, ClipSite
 from app.simulation.tissue.spatial_tissue import JAW_RADIUS, LEAST_FLOW
 
 Floats = NDArray[np.float64]
-STEP_MM = 2.0
-"""How far the front is to move before a good hand takes hold again."""
 REST_SECONDS = 0.3
+JAWS_MM = 4.0
+"""How wide a clip applier is open: past an artery's width, and short of its neighbours."""
+FROM_TEAR_MM = (1.5, 2.0, 3.0, 4.0)
+"""Sites of a clip; that which is clearest of other tubes is taken."""
 MOST_MM = 25.0
 """How far a hand lifts at most."""
-NEAR_BREAK = 0.5
-"""Part of the break past which a good hand lifts half as fast."""
 # s of staying beyond what the exercise asks for.
 SPARE_SECONDS = 0.5
 LOST_SECONDS = 0.3

@@ -24,7 +24,7 @@ BESIDE_MM = 3.5, 5.5
 """How far from a scar closed jaws are best opened, mm: nearer, some of it lies between them."""
 CLEAR_MM = JAW_RADIUS + 1.0, 5.5
 """The same from strands that hold, which lean, at the jaws' height."""
-HALF = 0.5
+NEAR_BREAK = 0.5
 """Of the break, past which one lifts half as fast."""
 
 
@@ -116,7 +116,7 @@ def _lift(duct: SpatialTissue, station: float | None) -> str:
         return f"Take hold of the duct {where}, and lift"
     if station is not None and abs(held - station) > STEP_MM:
         return "Let go, and take hold again at the mark over the duct"
-    if duct.stress_ratio > HALF:
+    if duct.stress_ratio > NEAR_BREAK:
         return "Lift on half as fast: the wall is past half of its break"
     return f"Lift on slowly, until the front has moved by {STEP_MM:.0f} mm"
 

@@ -22,12 +22,8 @@ from app.simulation.tissue.spatial_tissue import CLIP_OPENING, LEAST_FLOW, Spati
 Floats = NDArray[np.float64]
 PAST_MM = 1.5
 """How far jaws are led past a tube that they close."""
-JAWS_MM = 4.0
-"""How wide hands open a clip applier that can: past an artery's width, short of its neighbours."""
-FROM_TEAR_MM = (1.5, 2.0, 3.0, 4.0)
-"""Of these sites that which is clearest of other tubes."""
 SITES_MM = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
-"""Those that are asked for, by hands that miss a little."""
+"""From a tear: of these sites that is asked for which is clearest of other tubes."""
 LEAST_MM, MOST_MM = 0.5, 10.0
 """From a tear, within which a clip before it is well placed."""
 
@@ -61,13 +57,12 @@ class Bleeding(NamedTuple):
 
 
 class ClipSite(NamedTuple):
-    """Where a clip may be put on a tube: how the clip applier comes, and what it is clear of."""
+    """Where a clip may be put on a tube, and how the clip applier comes."""
 
     station: float  # mm
     shaft: Floats  # (3,) direction from the tip back
     across: Floats  # (3,) in which its jaws open
     tip: Floats  # (3,) mm
-    clear: float  # mm from its jaws to the nearest other tube
     between: dict[str, float]  # tubes that would be between its jaws there, and stations, mm
 
     @classmethod
@@ -80,16 +75,9 @@ class ClipSite(NamedTuple):
         across = np.cross(shaft, line[2] - line[0])
         across /= np.sqrt((across * across).sum())
         tip = line[1] - (float(rest.radius.max()) + PAST_MM) * shaft
-        clear = min(
-            nearest_wall(tissue.beam, tip + aside * across + back * shaft, other)[0]
-            for aside in (-0.5 * jaws, 0.5 * jaws)
-            for back in (0.0, 4.0, 8.0)
-            for other in tissue.tubes.names
-            if other != tube
-        )
         names = tissue.tubes.names
         between = {names[i]: there for i, there in tissue.between_jaws(tip, shaft, jaws)}
-        return cls(station, shaft, across, tip, clear, between)
+        return cls(station, shaft, across, tip, between)
 
     @classmethod
     def clearest(
@@ -100,8 +88,21 @@ class ClipSite(NamedTuple):
             cls.at(tissue, bleeding.tube, bleeding.station + bleeding.up * each, jaws)
             for each in from_tear
         ]
+
+        def clear(site: ClipSite) -> float:
+            """Return how far jaws are from the nearest other tube, mm."""
+            return min(
+                nearest_wall(
+                    tissue.beam, site.tip + aside * site.across + back * site.shaft, other
+                )[0]
+                for aside in (-0.5 * jaws, 0.5 * jaws)
+                for back in (0.0, 4.0, 8.0)
+                for other in tissue.tubes.names
+                if other != bleeding.tube
+            )
+
         # A tube that turns back may pass between the jaws elsewhere.
-        return max(sites, key=lambda each: (bleeding.is_closed_by(each.between), each.clear))
+        return max(sites, key=lambda each: (bleeding.is_closed_by(each.between), clear(each)))
 
 
 class ClipSteps:

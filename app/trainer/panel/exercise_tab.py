@@ -208,10 +208,12 @@ class ExerciseTab:
         if session.specimen.anatomy is not None or reading.phase is not Phase.INTACT:
             return []
         lifted = f", pulled out {reading.deflection:.1f} mm" if reading.held else ""
-        lines = [f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break{lifted}"]
-        if (most := limits.get("peak_stress_ratio")) is not None:  # as the limit is written
+        if (most := limits.get("peak_stress_ratio")) is None:
+            wall = f"{100.0 * max(0.0, reading.distance_to_break):.0f} % left to the break"
+        else:  # as the limit is written
             at = 100.0 * reading.stress_ratio
-            lines = [f"Wall at {at:.0f} % of its break, {100.0 * most:.0f} % allowed{lifted}"]
+            wall = f"Wall at {at:.0f} % of its break, {100.0 * most:.0f} % allowed"
+        lines = [f"{wall}{lifted}"]
         if holding is not None and holding.move.words:
             lines.insert(0, f"Next: {holding.move.words[0].lower()}{holding.move.words[1:]}")
         if "leaning" in limits:
@@ -286,16 +288,16 @@ class ExerciseTab:
         in_hand = exercise.in_hand or FIRST_INSTRUMENTS
         # The instrument that is led first; the other one where it is needed.
         first = exercise.first_hand
+        tools = in_hand[first:] + in_hand[:first]
         if exercise.in_hand and "no_traction" not in exercise.limit_of:
-            in_hand = in_hand[first : first + 1]
-            first = 0
+            tools = tools[:1]
         at_bed = self._state.session.specimen.bed is not None
         how = "; ".join(
             HOW[each]
-            for each in dict.fromkeys(in_hand[first:] + in_hand[:first])
+            for each in dict.fromkeys(tools)
             if each in HOW and at_bed != (each == "clip applier")
         )
-        if len(in_hand) > 1 and how and exercise.in_hand:
+        if exercise.in_hand and len(tools) > 1 and how:
             how += "; X leads the other hand"
         how = f"<b>How</b> {how[0].upper()}{how[1:]}.<br>" if how else ""
         self._task.content = (
