@@ -57,14 +57,17 @@ from app.trainer.client.scope_lead import (
     GRIPS_AT,
     HOLDS_MM_S,
     JUDGED_TICKS,
+    LEAST_PUSH_N,
     NOT_IN_RING,
     NOTCH_MM,
+    OFF_MM,
     PUSHED,
     RISES,
     SPREAD,
     STEADY,
     STOPS_AT,
     ScopeLead,
+    Stop,
 )
 from app.trainer.client.workers import Workers
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
@@ -518,8 +521,8 @@ def test_jaws_part_at_once_but_are_not_thrown_open(lead: ScopeLead) -> None:
     assert hand.opening == 0.0
 
 
-def test_jaws_that_close_on_a_wall_wait_until_they_are_drawn_off_it(lead: ScopeLead) -> None:
-    """They crush nothing, and close by themselves then."""
+def test_jaws_that_close_on_a_wall_wait_until_they_are_off_it(lead: ScopeLead) -> None:
+    """They crush nothing, come off it by the key that closed them, and close further from it."""
     session, tissue = lead.session, lead.session.spatial
     lead.choose(1)
     duct, next_to = tissue.beam.places_at(np.array([12.0, 13.0]), "cystic")
@@ -539,8 +542,16 @@ def test_jaws_that_close_on_a_wall_wait_until_they_are_drawn_off_it(lead: ScopeL
     advice, title = cast(MagicMock, lead._state.client.add_notification).call_args.args[::-1]
     assert advice == CLOSED_ON
     assert title == "Stopped: the cystic duct nears its break"
+    closed = hand.opening
+    assert lead.use == "Part"
+    lead.use_instrument()
+    pass_time(lead, session, 2.0)
+    assert hand.opening == pytest.approx(closed + OFF_MM)
+    assert tissue.stress_ratio < STOPS_AT
     lead.lead_hand(hand.place + 12.0 * shaft)
     pass_time(lead, session, 3.0)
+    lead.use_instrument()
+    pass_time(lead, session, 2.0)
     assert hand.opening == 0.0
     assert tissue.events == []
 
@@ -592,7 +603,7 @@ def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None
     lead.choose_instrument(1, "dissector")
     safety = Safety(tissue)
     places = PartingPlaces(safety)
-    site = places.best(safety.critical_view(), "triangle")
+    site = places.best(safety.critical_view(), "triangle", 3)
     assert site is not None
     jaws, hand = JawSteps(tissue, places, site), tissue.hands[1]
     hand.put(places.place_of(site))
@@ -612,9 +623,9 @@ def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None
     assert jaws.tried  # so that it is asked for less
 
 
-def critical_view() -> Exercise:
-    """Return the exercise at the usual anatomy."""
-    exercise = exercise_at(anatomy_named("normal"), "critical_view")
+def critical_view(name: str = "critical_view") -> Exercise:
+    """Return an exercise at the usual anatomy."""
+    exercise = exercise_at(anatomy_named("normal"), name)
     assert exercise is not None
     return exercise
 
@@ -689,10 +700,27 @@ def test_what_slackens_a_wall_goes_on_where_it_was_stopped_before(lead: ScopeLea
     lead.choose(0)
     lead.advance(1)
     start, back = hand.tip.copy(), np.array([0.0, 0.0, -3.0])
-    lead._stopped[0] = back
+    lead._stopped[0] = Stop(back, lead.session.spatial.stress_ratio)
     lead.lead_hand(start + back)
     pass_time(lead, lead.session, 1.0)
     assert hand.tip == pytest.approx(start + back, abs=0.05)
+
+
+def test_a_stopped_move_goes_on_if_to_give_way_strains_the_wall_more(lead: ScopeLead) -> None:
+    """Else each key against it would bring the wall nearer to its break."""
+    taut(lead)
+    session, hand = lead.session, lead.session.spatial.hands[0]
+    lead.choose(0)
+    lead.advance(1)
+    start, on = hand.tip.copy(), np.array([0.0, 0.0, 0.2])
+    force = float(on @ session.spatial.forces[0])
+    assert force / 0.2 > LEAST_PUSH_N, "it pulls, and would be stopped"
+    lead._stopped[0] = Stop(on, session.spatial.stress_ratio - 2.0 * RISES)
+    lead.lead_hand(start + on)
+    lead.advance(1)
+    assert lead._stopped[0] is not None
+    assert lead._stopped[0].eases
+    assert hand.target[2] > start[2] - hand.jaws[2], "it was led on"
 
 
 def test_jaws_close_by_a_key_however_near_a_break_is(lead: ScopeLead) -> None:
@@ -756,7 +784,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
 
     assert lead.next_step is None
     assert lead.to_part == ()
-    session.start_exercise(critical_view())
+    session.start_exercise(critical_view("first_view"))
     tissue = session.spatial
     hold = "Next: take hold of the gallbladder in the ring with the left hand's grasper (G)."
     assert asked().words == hold

@@ -9,9 +9,12 @@ MOST_POINTS = 6
 """Of the critical view: two for each of its parts."""
 ENOUGH, SOME = 0.9, 0.6
 """Fractions of a region's strands that have parted, for two points and for one."""
-OPENED = 0.3
-"""Fraction of the triangle's strands, from which on the gallbladder is drawn off the liver: freed
-there, it gives room for the rest."""
+BY_DISSECTOR = 3
+"""Points that a dissector reaches alone, or almost; for more a right angle begins, before what it
+passes behind lies otherwise."""
+OPENED, CLEARED = 0.3, 0.8
+"""Fractions of the triangle's strands, from which on the gallbladder is drawn off the liver, for so
+many points and for more: freed there, it gives room for the rest."""
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 
 Part = Literal["triangle", "tubes", "plate"]
@@ -50,17 +53,18 @@ class CriticalView:
 
     def next_parts(self, points: int) -> list[Part]:
         """Return what to free next for so many points, what is easiest first; none at the end."""
-        # All of the plate and `SOME` of the triangle are in a dissector's reach, `OPENED` before
-        # the plate; for the rest the right angle goes behind tubes.
-        if self.triangle < OPENED:
-            return ["triangle"]
         most = MOST_POINTS // 3
         asked: list[tuple[Part, int, int]] = [  # with the points that it has, and is to have
             ("plate", self.plate_freed, most),
             ("triangle", self.triangle_cleared, most),
             ("tubes", self.two_structures, most if points > 2 * most else 0),
         ]
-        return [part for part, has, wanted in asked if has < wanted]
+        parts: list[Part] = [part for part, has, wanted in asked if has < wanted]
+        if points <= BY_DISSECTOR and self.triangle < OPENED:
+            return ["triangle"]
+        if points > BY_DISSECTOR and self.triangle < CLEARED:
+            return ["triangle", *(part for part in parts if part != "triangle")]
+        return parts
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,11 @@ from app.anatomy import tube_title
 from app.simulation.exercises.critical_view import Closing
 from app.simulation.inputs.inputs import Instrument
 
-Where = Literal["between", "deep", "under", "behind", "plate"]
+Where = Literal["between", "under", "plate", "pass between", "behind"]
 PART: dict[Where, str] = {
     "between": "Next: part the tissue between {} and {}: lead the right hand's {} into the ring, "
     "jaws (J, L) along its bar.",
-    "deep": "Next: part the deep tissue between {} and {}: right hand's {} into the ring, tip "
+    "pass between": "Next: part the tissue between {} and {}: right hand's {} into the ring, tip "
     "(J, L) along its bar.",
     "under": "Next: part the tissue under the {}: lead the right hand's {} into the ring, jaws "
     "(J, L) along its bar.",
@@ -25,7 +25,8 @@ PART: dict[Where, str] = {
 }
 """Where to bring jaws, by where what they part is of the tubes that it holds."""
 PASS: dict[Where, str] = {
-    "deep": "Next: lead the right hand's {} along its tip between {} and {}, into the ring.",
+    "pass between": "Next: lead the right hand's {} along its tip between {} and {}, into the "
+    "ring.",
     "behind": "Next: pass the right hand's {} along its tip behind the {}, into the ring.",
 }
 """Where to pass a bent tip then."""
@@ -60,8 +61,9 @@ LET_BACK = (
     "once."
 )
 LET_GO = "Next: let go of the {} with the left hand's grasper (G){}."
+ELSEWHERE = ", to hold it elsewhere"
+PULLS = ": its pull leaves the right angle no room"
 STAYS_TAUT = ": the {} stays strained"
-"""Why, if it is not to take hold elsewhere."""
 LIFTED = (
     "Next: let go of the {} with the left hand's grasper (G): it is lifted, and what is slack "
     "leaves jaws room."
@@ -71,6 +73,8 @@ SLACKEN = (
     "the {} is strained."
 )
 WITHDRAW = "Next: draw the right hand's {} back a little, as it came: it strains the {}."
+PINCHED = "Next: open the right hand's {} again (G): the {} lies between its jaws."
+LEAVE = "Next: lead the right hand's open {} off the {}, into the ring."
 PRESSES = (
     "Next: draw the right hand's {} out of the tissue (wheel back): it presses too hard for jaws "
     "to part."

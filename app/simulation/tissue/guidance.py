@@ -20,10 +20,12 @@ from app.simulation.exercises.goals import StopBleeding
 from app.simulation.exercises.next_step import (
     DRAW_ASIDE,
     DRAW_OFF,
+    ELSEWHERE,
     LET_BACK,
     LET_GO,
     LIFT,
     LIFTED,
+    PULLS,
     SLACKEN,
     STAYS_TAUT,
     TAKE_HOLD,
@@ -143,13 +145,18 @@ class Guidance:
             return strained
         while True:
             if self._jaws is None:
-                site = self._places.best(view, part)
+                site = self._places.best(view, part, goal.points)
                 if site is None:
                     return None
                 self._jaws = JawSteps(self.tissue, self._places, site)
-            if self._pulling is None and not self._jaws.begun:
+            bent = self._jaws.site.beside is not None
+            if bent and not self._jaws.begun and self._holder is not None:
+                self._pulling = None
+                words = LET_GO.format(tube_title(self._safety.gallbladder), PULLS)
+                return NextStep(words, self._strands, hand=LEFT)
+            if self._pulling is None and not bent and not self._jaws.begun:
                 self._pulling = self._pull_for(view, self._jaws.site)
-            if self._pulling is None:
+            if self._pulling is None or bent:
                 return self._let_back(view) or self._jaws.next_step()
             step = self._pull_step(self._pulling)
             if step is not None:
@@ -190,7 +197,7 @@ class Guidance:
     def _pull_for(self, view: CriticalView, site: Site) -> _Pulling | None:
         """Return how the gallbladder is to be drawn before jaws part at a place, if it is."""
         held = self._held
-        if view.triangle < BEGUN and self._held_for is None:
+        if site.where != "plate" and view.triangle < BEGUN and self._held_for is None:
             return _Pulling(ASIDE, NECK_MM)
         tried = self._tries >= MOST_TRIES
         if site.where == "plate":
@@ -218,7 +225,7 @@ class Guidance:
             return NextStep(TAKE_HOLD.format(name), strands, place=place, hand=LEFT)
         if pulling.start is None:
             if self._held_for is not None:  # it is held elsewhere
-                return NextStep(LET_GO.format(name, ""), strands, hand=LEFT)
+                return NextStep(LET_GO.format(name, ELSEWHERE), strands, hand=LEFT)
             pulling.start = self._held_from = held
         # What can be pulled no harder has been drawn.
         pulling.drawn |= self.tissue.grip_ratio(self._holder or 0) > GRIPPED

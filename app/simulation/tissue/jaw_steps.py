@@ -12,10 +12,12 @@ from app.simulation.exercises.next_step import (
     BACK,
     CLOSE,
     CLOSE_FEW,
+    LEAVE,
     OPEN,
     OPENS,
     PART,
     PASS,
+    PINCHED,
     PRESSES,
     TURN,
     UNDER,
@@ -42,19 +44,24 @@ TAUT, STOPS_AT = 0.6, 0.7
 GRIPS_AT = 0.9
 """Of the pull at which tissue slips out of a grasper, from which on that pulls no harder, and jaws
 part no further: they would push what it holds out of it, or all that still holds off at once."""
-IN_RING_MM, LEFT_MM, OUT_MM = 2.0, 5.0, 8.0
-"""mm off a ring's middle, within which a tip is in it, from which on it has left it, and from which
-on jaws that have parted tissue there are out of that."""
+IN_RING_MM, LEFT_MM, OUT_MM, FAR_MM = 2.0, 5.0, 8.0, 40.0
+"""mm off a ring's middle, within which a tip is in it, from which on it has left it, from which on
+in front of it jaws that have parted tissue there are out of that, and from which on anywhere."""
 TURNED = math.radians(20.0)
 """Off a ring's bar, within which jaws lie along it."""
 LEAST_ACROSS = 0.2
 """Of a direction, across a shaft: along a shaft jaws part nothing, however they are turned."""
+FURTHER_MM = 7.0
+"""By which a bent tip goes back once more, if it strains a wall as it is drawn out."""
+LEAVES_MM = 4.0
+"""By which bent jaws go deeper, or less deep, to leave a wall."""
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 
 State = Literal[
-    "to come", "beside", "opening", "open", "to close", "closing", "closed", "to withdraw"
-]
+    "to come", "beside", "opening", "open", "to close", "closing", "pinched", "to leave", "closed",
+    "to withdraw",
+]  # fmt: skip
 
 
 class JawSteps:
@@ -66,6 +73,9 @@ class JawSteps:
         self._state: State = "to come"
         self._opening = 0.0  # mm, at the last judgement
         self._broken = tissue.beam.broken
+        self._wall, self._pinched_at = "", np.zeros(3)  # between its jaws; (3,) mm, where
+        self._leaves = 0  # how often they have been led off it
+        self._further = 0.0  # mm, by which a bent tip goes back more than it came
         self._pressed = False  # whether the tip has pressed too hard here for jaws to part
         self.strained = 0
         """How often a wall was too taut meanwhile."""
@@ -89,15 +99,20 @@ class JawSteps:
     @property
     def is_over(self) -> bool:
         """Whether jaws have left the place, and need not come back."""
-        hand, place = self._hand, self._place
-        moves = [each for each in (self.site.through, self.site.beside) if each is not None]
-        places = [place, *(place + each for each in moves)]
-        far = OUT_MM if self.begun else LEFT_MM
-        if hand is not None and min(math.dist(hand.place, each) for each in places) < far:
-            return False
+        hand, place, site = self._hand, self._place, self.site
+        if hand is None:
+            return self.begun or self._gives_up or not self._places.left(site)
+        moves = [each for each in (site.through, site.beside) if each is not None]
+        off = min(
+            math.dist(hand.place, each) for each in (place, *(place + each for each in moves))
+        )
         if not self.begun:
-            return self._gives_up or not self._places.left(self.site)
-        return hand is None or not hand.opening
+            return off > LEFT_MM and (self._gives_up or not self._places.left(site))
+        if site.beside is None:
+            return off > OUT_MM and not hand.opening
+        # A bent tip that is only led aside may still lie behind a wall.
+        front = float((hand.place - self._back) @ TROCARS[RIGHT].shaft(self._back))
+        return not hand.opening and (front > OUT_MM or off > FAR_MM)
 
     @property
     def fruitless(self) -> bool:
@@ -129,10 +144,24 @@ class JawSteps:
             elif site.beside is not None and self._is_at(self._beside):
                 self._state = "beside"
         elif not hand.opening:
-            back = site.beside is None or math.dist(hand.place, self._beside) < IN_RING_MM
+            back = site.beside is None or math.dist(hand.place, self._back) < IN_RING_MM
             self._state = "to withdraw" if back or self._state == "to withdraw" else "closed"
+        elif self._state == "pinched" and opens:
+            self._state, self._pinched_at = "to leave", hand.place.copy()
+        elif self._state == "to leave":
+            if self._tissue.stress_ratio > TAUT:
+                self._leaves += 1
+            elif not opens and math.dist(hand.place, self._left) < IN_RING_MM:
+                self._state = "to close"
+                self._leaves += 1  # if it lies between them again
         elif closes:
             self._state = "closing"
+        elif (
+            self._state == "closing"
+            and self._tissue.stress_ratio > TAUT
+            and site.beside is not None
+        ):
+            self._state, self._wall = "pinched", self._tissue.most_stressed
         elif self._state in {"opening", "open"}:
             through = site.through
             led = through is None or math.dist(hand.place, place + through) < IN_RING_MM
@@ -149,15 +178,19 @@ class JawSteps:
         if self._state == "open" and site.through is not None:
             return self._step(UNDER.format(tool, titles[0]), self._place + site.through)
         if self._state == "closed":
-            return self._step(AS_IT_CAME.format(tool), self._beside)
+            return self._step(AS_IT_CAME.format(tool), self._back)
         if self.begun:
             if self._state == "to withdraw":
-                shaft = TROCARS[RIGHT].shaft(self._beside)
+                shaft = TROCARS[RIGHT].shaft(self._back)
                 # Who is in that ring is out of the tissue.
-                return self._step(BACK.format(tool), self._beside + (OUT_MM + IN_RING_MM) * shaft)
+                return self._step(BACK.format(tool), self._back + (OUT_MM + IN_RING_MM) * shaft)
             if self._state == "closing" and self._tissue.stress_ratio > TAUT:
                 # Jaws that close on a wall close once they are drawn off it.
                 return self.withdrawn(tube_title(self._tissue.most_stressed))
+            if self._state == "pinched":
+                return self._step(PINCHED.format(tool, tube_title(self._wall)))
+            if self._state == "to leave":
+                return self._step(LEAVE.format(tool, tube_title(self._wall)), self._left)
             close = CLOSE_FEW if self.fruitless else CLOSE
             return self._step((OPENS if self._state == "opening" else close).format(tool))
         if self._pressed:
@@ -174,9 +207,21 @@ class JawSteps:
 
     def withdrawn(self, wall: str) -> NextStep:
         """Return that the jaws strain a wall, and where they go then."""
-        # A bent tip that has passed behind something goes back as it came.
-        passed = self.site.beside is not None and self._state not in {"to come", "to withdraw"}
-        return self._step(WITHDRAW.format(self._tool, wall), self._beside if passed else None)
+        if self.site.beside is None or self._state == "to come":
+            return self._step(WITHDRAW.format(self._tool, wall))
+        # A bent tip that has passed behind something goes back as it came: further, if that lies in
+        # front of it still.
+        if self._state == "to withdraw":
+            self._state, self._further = "closed", self._further + FURTHER_MM
+        return self._step(WITHDRAW.format(self._tool, wall), self._back)
+
+    @property
+    def _left(self) -> Floats:
+        """(3,) mm where jaws are off the wall that was between them."""
+        # To the front, along the tip or deeper, in turn: none is off every wall.
+        shaft = TROCARS[RIGHT].shaft(self._pinched_at)
+        moves = shaft, -np.array(self._tissue.hands[RIGHT].aim), -shaft
+        return self._pinched_at + LEAVES_MM * moves[self._leaves % len(moves)]
 
     def _step(self, words: str, place: Floats | None = None) -> NextStep:
         at = None if place is None else three(place)
@@ -191,6 +236,11 @@ class JawSteps:
     def _beside(self) -> Floats:
         """(3,) mm where they come from: that place itself, but for a bent tip."""
         return self._place if self.site.beside is None else self._place + self.site.beside
+
+    @property
+    def _back(self) -> Floats:
+        """(3,) mm where a bent tip goes back to before it is drawn out."""
+        return self._beside + self._further * self.site.along
 
     @property
     def _hand(self) -> Hand | None:

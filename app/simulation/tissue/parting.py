@@ -1,30 +1,35 @@
 """Where jaws part best what a part of the critical view lacks (docs/scope.md).
 
-Strands of one group are asked for: those between two tubes, or from a tube to the bed. Jaws part
-them where they have room: beside a wall they press on the wall. So each of them is weighed by how
-many others are near and how far the next wall is, seen from the front; and less, each time that
-jaws have opened there before. The tip goes a little behind them, so that shafts push them, and not
-tips.
+For `BY_DISSECTOR` points, until `SOME` of the triangle has parted, and for the plate, a dissector
+does it. Strands of one group are asked for: those between two tubes, or from a tube to the bed.
+Jaws part them where they have room: beside a wall they press on the wall. So each of them is
+weighed by how many others are near and how far the next wall is, seen from the front. The tip goes
+a little behind them, so that shafts push them, and not tips.
+
+A right angle parts the rest (passes.py). A place counts less, each time that jaws have opened.
 """
 
 import math
 from collections import Counter
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation.exercises.critical_view import OPENED, SOME, CriticalView, Part
+from app.simulation.exercises.critical_view import (
+    BY_DISSECTOR,
+    OPENED,
+    SOME,
+    CriticalView,
+    Part,
+)
 from app.simulation.exercises.next_step import Where
+from app.simulation.tissue.passes import Passes
 from app.simulation.tissue.safety import Safety
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-DEEP_MM = 0.5
-"""How far behind both tubes' axes what holds between them lies, from which on a straight instrument
-does not reach it."""
 NEAR_MM, LEAST_ROOM_MM, ROOM_MM, PAST_MM = 4.0, 0.5, 3.0, 2.0
 """mm within which strands are parted at once; from a wall, from which on jaws have room and beyond
 which they need no more; and of a tip behind the strands."""
@@ -34,8 +39,6 @@ led."""
 EDGE_MM = 3.0
 """mm to the side of what holds two tubes together, where jaws part it from its edge, fewer at a
 time: in its middle all hold at once, and a wall nears its break before they part."""
-BENT_PAST_MM = 2.0
-"""mm beyond a tube's axis, to which a bent tip passes behind it."""
 AGAIN, FORGOTTEN = 0.3, 60
 """Weight of a place where jaws have been; and strands that part until it has its whole weight
 again."""
@@ -54,7 +57,7 @@ class Site(NamedTuple):
     offset: Floats  # (3,) mm, from the anchor's middle
     along: Floats  # (3,) along which jaws part, or a bent tip's direction, from its end back
     through: Floats | None  # (3,) mm, how open jaws are led on from there, if they are
-    beside: Floats | None  # (3,) mm, from there to where a bent tip comes from, if it is
+    beside: Floats | None = None  # (3,) mm, from there to where a bent tip comes from, if it is
 
 
 def _weight(site: Site) -> float:
@@ -68,11 +71,14 @@ class PartingPlaces:
         self._safety, self._tissue = safety, safety.tissue
         # Where jaws have been, (3,) mm, and the strands that had parted then.
         self._tried = list[tuple[Floats, int]]()
+        self._passes = Passes(safety)
         self._fruitless = Counter[int]()  # how often few strands of a group have parted
 
-    def best(self, view: CriticalView, part: Part) -> Site | None:
-        """Return where jaws part next what a part of the view lacks; None if nothing holds it."""
+    def best(self, view: CriticalView, part: Part, points: int) -> Site | None:
+        """Return where jaws part what a part of so many points lacks; None if nothing holds it."""
         lacking = np.flatnonzero(self._safety.lacking(part) & self._whole)
+        if part != "plate" and (points > BY_DISSECTOR or view.triangle >= SOME):
+            return self._passed(lacking) if lacking.size else None
         if part == "triangle":
             lacking = self._in_reach(view, lacking)
         broken = self._tissue.beam.broken
@@ -93,6 +99,10 @@ class PartingPlaces:
 
         Where that was fruitless, all places of the group are weighed less, until it is not.
         """
+        if site.beside is not None:
+            left = float(self._whole[site.near].mean())
+            self._passes.note_tried(self.place_of(site), site.along, 1.0 - left)
+            return
         self._tried.append((self.place_of(site) - site.offset, self._tissue.beam.broken))
         group = self._group(site.strands)[0]
         self._fruitless[group] = self._fruitless[group] + 1 if fruitless else 0
@@ -128,8 +138,8 @@ class PartingPlaces:
         """Return where to part a group of strands, and how."""
         strands, names = self._tissue.tubes.strands, self._tissue.tubes.names
         ends = strands.tubes[group[0]], strands.to[group[0]]
-        where = self._where(view, [names[each] for each in ends if each >= 0], group)
-        middles, through, beside = self._middles(group), None, None
+        where = self._where([names[each] for each in ends if each >= 0])
+        middles, through = self._middles(group), None
         places, tangents = self._beside(group) if where == "under" else (middles, middles)
         at, weight = self._weighed(places, middles)
         weight *= AGAIN ** self._fruitless[int(self._group(group[:1])[0])]
@@ -139,32 +149,25 @@ class PartingPlaces:
             along, through = tangents[at], self._axis(anchor)[0] - place
             through *= ACROSS_MM / math.hypot(*through[:2])
             through[2] = 0.0
-        elif where == "behind":
-            along = self._free_side(anchor)
-            place = self._axis(anchor)[0] - BENT_PAST_MM * along - [0.0, 0.0, UNDER_MM]
         else:
             # Strands of one pair all lead from one tube to the other, but some the other way round.
             along = _main_direction((strands.feet[group] - strands.ends[group])[near])
-            place[2] = middles[near, 2].mean() - (0.0 if where == "deep" else PAST_MM)
+            place[2] = middles[near, 2].mean() - PAST_MM
             if where == "between":
                 place = self._at_edge(place, along)
-            elif where == "deep":
-                along = self._roomy_side(place, along)
-        if where in {"behind", "deep"}:
-            beside = BESIDE_MM * along
         offset = place - middles[at]
-        return Site(
-            where, group, group[near], int(group[at]), weight, offset, along, through, beside
-        )
+        return Site(where, group, group[near], int(group[at]), weight, offset, along, through)
 
-    def _free_side(self, which: Ints) -> Floats:
-        """(3,) from which side a bent tip passes behind a strand's tube: away from the duct."""
-        axis, along = self._axis(which)[0], (self._axis(which, 0.5) - self._axis(which, -0.5))[0]
-        side = _across(along)
-        beam = self._tissue.beam
-        common = beam.places[beam.nodes_of(self._safety.common)]
-        off = axis - common[((common - axis) ** 2).sum(axis=1).argmin()]
-        return side if float(off @ side) > 0.0 else -side
+    def _passed(self, which: Ints) -> Site:
+        """Return where a right angle parts some strands, named by those that are most."""
+        tip, found = self._passes.best(*self._ends(which))
+        near = which[found] if found.any() else which
+        group = max(self._groups(near), key=len)
+        off = tip.place - self._middles(group)
+        nearest = int((off**2).sum(axis=1).argmin())
+        where: Where = "behind" if self._tissue.tubes.strands.to[group[0]] < 0 else "pass between"
+        anchor, weight = int(group[nearest]), float(near.size)
+        return Site(where, group, near, anchor, weight, off[nearest], tip.along, None, tip.beside)
 
     def _at_edge(self, place: Floats, along: Floats) -> Floats:
         """(3,) where jaws part from the edge of what holds there, with no less room, mm."""
@@ -179,28 +182,31 @@ class PartingPlaces:
         room = self._room(np.array([place + BESIDE_MM * side, place - BESIDE_MM * side]))
         return side if room[0] > room[1] else -side
 
-    def _where(self, view: CriticalView, names: list[str], strands: Ints) -> Where:
+    def _where(self, names: list[str]) -> Where:
         """Return where strands are, of the tubes that they hold or of the one that is held."""
-        bent = view.triangle >= SOME  # before that a dissector does
         if len(names) > 1:
-            return "deep" if bent and self._in_front[strands].mean() < -DEEP_MM else "between"
-        if names[0] == self._safety.gallbladder:
-            return "plate"
-        return "behind" if bent else "under"
+            return "between"
+        return "plate" if names[0] == self._safety.gallbladder else "under"
 
     def _middles(self, which: Ints) -> Floats:
-        """(S, 3) mm where the middles of some strands are now: each end goes with its tube."""
+        """(S, 3) mm where the middles of some strands are now."""
+        ends, feet = self._ends(which)
+        return 0.5 * (ends + feet)
+
+    def _ends(self, which: Ints) -> tuple[Floats, Floats]:
+        """(S, 3) and (S, 3) mm where some strands end now: each end goes with its tube."""
         tubes, beam = self._tissue.tubes, self._tissue.beam
         strands = tubes.strands
-        places = 0.5 * (strands.ends[which] + strands.feet[which])
+        ends, feet = strands.ends[which], strands.feet[which]
         for number, (name, tube) in enumerate(tubes.network.tubes.items()):
-            for of, at in ((strands.tubes, strands.stations), (strands.to, strands.to_stations)):
+            for places, of, at in (
+                (ends, strands.tubes, strands.stations), (feet, strands.to, strands.to_stations),
+            ):  # fmt: skip
                 own = of[which] == number
                 if own.any():
                     stations = at[which][own]
-                    moved = beam.places_at(stations, name) - tube.places_at(stations)[0]
-                    places[own] += 0.5 * moved
-        return places
+                    places[own] += beam.places_at(stations, name) - tube.places_at(stations)[0]
+        return ends, feet
 
     def _axis(self, which: Ints, further: float = 0.0) -> Floats:
         """(S, 3) mm where the axis of strands' tube is where they hold it, or further along it."""
@@ -239,18 +245,6 @@ class PartingPlaces:
             off = np.hypot(*(places[:, None, :2] - nodes[None, :, :2]).transpose(2, 0, 1))
             room = np.minimum(room, (off - tube.radius).min(axis=1))
         return room
-
-    @cached_property
-    def _in_front(self) -> Floats:
-        """How far the middle of each strand between tubes is in front of both axes, (S,) mm."""
-        tubes, strands = self._tissue.tubes.network.tubes, self._tissue.tubes.strands
-        axes = np.zeros((2, strands.count))
-        for number, tube in enumerate(tubes.values()):
-            for row, of, at in (
-                (0, strands.tubes, strands.stations), (1, strands.to, strands.to_stations),
-            ):  # fmt: skip
-                axes[row, of == number] = tube.places_at(at[of == number])[0][:, 2]
-        return 0.5 * (strands.ends[:, 2] + strands.feet[:, 2]) - axes.mean(axis=0)
 
 
 def _across(along: Floats) -> Floats:

@@ -12,7 +12,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from app.anatomy import Anatomy
 from app.simulation.exercises.critical_view import (
     ENOUGH,
     SOME,
@@ -34,6 +33,8 @@ STRUCTURE_MM = 6.0
 """Length of each structure, next to the gallbladder, that must be free all round."""
 MARGIN_MM = 2.0
 """mm by which the triangle of the axes is wider."""
+HILUM = 0.9
+"""Of the common duct's length, where the triangle ends."""
 BIN_MM = 1.0
 ALONG_MM = 10.0
 """Length of duct, to either side of the junction, over which its direction is taken."""
@@ -87,7 +88,13 @@ class Safety:
             & (foot < 0)
             & (strands.stations <= LOWER_FRACTION * tubes[self.gallbladder].span)
         )
-        self._triangle = self._inside(anatomy)
+        from_common = any(j.tube == self.cystic and j.end == 0 for j in anatomy.join)
+        self._corners = (
+            (self.cystic, 0.0 if from_common else tubes[self.cystic].span),
+            (self.gallbladder, 0.0),
+            (self.common, HILUM * tubes[self.common].span),
+        )
+        self._triangle = self._inside()
         self._viewed: tuple[BeamOnBed, int, list[RuptureCheck | None], int] | None = None
         self._view: CriticalView
         self.entering = entering
@@ -116,15 +123,17 @@ class Safety:
             out.append(Closing(name, marked, len(stay), len(clips) - len(stay), bool(cuts)))
         return out
 
-    def _inside(self, anatomy: Anatomy) -> Mask:
+    def corners(self) -> Floats:
+        """(3, 3) mm where junction, neck and hilum are now, the corners of the triangle."""
+        at = [self.tissue.beam.places_at(np.array([at]), name)[0] for name, at in self._corners]
+        return np.stack(at)
+
+    def _inside(self) -> Mask:
         """Return which strands lie in the triangle of junction, neck and hilum at rest."""
         tissue, strands = self.tissue, self.tissue.tubes.strands
         tubes, names = tissue.tubes.network.tubes, tissue.tubes.names
-        common = tubes[self.common]
-        junction = tubes[self.cystic].places[0 if self._from_common(anatomy) else -1]
-        neck = tubes[self.gallbladder].places[0]
-        hilum = common.places_at(np.array([common.span - 0.1 * common.span]))[0][0]
-        corners = np.stack([junction, neck, hilum])[:, :2]
+        rest = [tubes[name].places_at(np.array([at]))[0][0] for name, at in self._corners]
+        corners = np.stack(rest)[:, :2]
         between = strands.to >= 0
         middle = np.where(between[:, None], 0.5 * (strands.ends + strands.feet), strands.ends)
         sides = np.roll(corners, -1, axis=0) - corners
@@ -137,9 +146,6 @@ class Safety:
         # Of strands to the bed those of the structures alone: the common duct stays in its own.
         free = [names.index(each) for each in self._about]
         return inside & (between | np.isin(strands.tubes, free))
-
-    def _from_common(self, anatomy: Anatomy) -> bool:
-        return any(j.tube == self.cystic and j.end == 0 for j in anatomy.join)
 
     def critical_view(self) -> CriticalView:
         """Return the critical view of safety as it is now."""

@@ -46,6 +46,8 @@ LEAD_MM_S: Mapping[Instrument, float] = {
 SPREAD, PARTS_MM_S, CLOSES_MM_S = 20.0, 5.0, 15.0
 """mm that jaws part by at most, and mm/s: quicker ones are thrown open (`jumping_jaws`), and jaws
 that close at once crush what has come between them."""
+OFF_MM = 5.0
+"""By which jaws part again that were closing."""
 CLOSES_SLOWLY_AT = 0.5
 """Of a wall's break, from which on jaws close as slowly as they part."""
 INSISTS = 0.03
@@ -71,7 +73,8 @@ JAWS_STOPPED = (
     "It lies in or beside the jaws. Close them (G), lead them further from it, and part there."
 )
 CLOSED_ON = (
-    "A wall lies between the jaws: draw them back as they came, and they close by themselves."
+    "A wall lies between the jaws: open them again (G), lead them deeper or less deep, and close "
+    "them there."
 )
 PUSHED = "Close them (G): what has parted gives room. Then part there again, or less deep."
 HELD_BACK = (
@@ -127,6 +130,14 @@ class _Pointer(NamedTuple):
     aside: Floats  # (3,) mm, from there to where the tip is led
 
 
+class Stop(NamedTuple):
+    """A move of a hand that was stopped."""
+
+    path: Floats  # (3,) mm, that it had still to go
+    stress: float  # of a wall's break
+    eases: bool = False  # whether it has slackened, after all
+
+
 class ScopeLead:
     """What mouse and keys lead at an anatomy: the state's active hand, or the scope."""
 
@@ -151,7 +162,7 @@ class ScopeLead:
         self._stress = 0.0  # of the last tick, over the strength
         self._stopped_at = -SEEN_TICKS  # tick in which something was stopped last
         # Of each hand, the direction in which it was stopped, (3,), or None.
-        self._stopped: list[Floats | None] = [None] * len(state.hands)
+        self._stopped: list[Stop | None] = [None] * len(state.hands)
 
     @property
     def session(self) -> Session:
@@ -486,12 +497,16 @@ class ScopeLead:
             pushes = float(path @ state.session.spatial.forces[hand]) / max(far, 1e-12)
             strains, slackens = pushes > LEAST_PUSH_N, pushes < -LEAST_PUSH_N
             before = self._stopped[hand]
-            again = before is not None and float((path * before).sum()) > 0.0
+            again = before is not None and float(path @ before.path) > 0.0
+            if before is not None and again and stress > before.stress + RISES:
+                # To give way strained it: that way lies what slackens it.
+                before = self._stopped[hand] = before._replace(eases=True)
+            eases = before is not None and again and before.eases
             slips = strains and self._nears_slip(hand)
             # Stress may go on rising by what the hand did before: what slackens goes on.
-            strains_more = strains or ((again or rises) and not slackens)
+            strains_more = rises if eases else strains or ((again or rises) and not slackens)
             if far > 0.0 and (slips or (stops and strains_more)):
-                self._goals[hand], self._stopped[hand] = None, path
+                self._goals[hand], self._stopped[hand] = None, Stop(path, stress)
                 state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
                 if slips:
                     self._say_stopped(HELD_BACK, "the grasper nears its grip")
@@ -637,7 +652,7 @@ class ScopeLead:
         }
         if holder.instrument in HOLDING:
             return "Take hold" if holder.node is None else "Let go"
-        return now.get(holder.instrument, "Close" if holder.target_opening > 0.0 else "Part")
+        return now.get(holder.instrument, "Close" if self._opens_to > 0.0 else "Part")
 
     @property
     def _uses(self) -> Mapping[Instrument, Callable[[], object]]:
@@ -667,9 +682,11 @@ class ScopeLead:
             state.refuse(ENDS)
 
     def _open_or_close(self) -> None:
-        opened = self._state.hands[self.hand].target_opening > 0.0
         self._insist()
-        self._jaws[self.hand] = 0.0 if opened else SPREAD
+        opened = self._state.hands[self.hand].target_opening
+        # Jaws that close on something come off it.
+        closes = opened > 0.0 and self._opens_to == 0.0
+        self._jaws[self.hand] = opened + OFF_MM if closes else 0.0 if opened > 0.0 else SPREAD
 
     def _close(self, act: Callable[[int], bool]) -> None:
         if not act(self.hand):
@@ -683,9 +700,13 @@ class ScopeLead:
     def open_more(self, more: float) -> None:
         """Part the active hand's jaws by some mm more, or less."""
         if self._may_act() and (more < 0.0 or self._steps()):
-            goal = self._jaws[self.hand]
-            opened = self._state.hands[self.hand].target_opening if goal is None else goal
-            self._jaws[self.hand] = max(0.0, opened + more)
+            self._jaws[self.hand] = max(0.0, self._opens_to + more)
+
+    @property
+    def _opens_to(self) -> float:
+        """How far the active hand's jaws are to part, mm."""
+        goal = self._jaws[self.hand]
+        return self._state.hands[self.hand].target_opening if goal is None else goal
 
     def _lead_nothing(self) -> None:
         self._goals = [None] * len(self._goals)
