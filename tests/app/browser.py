@@ -356,9 +356,11 @@ class TrainerPage:
         self.page.get_by_role("option", name=option, exact=True).click()
 
     def tick(self, label: str) -> None:
-        """Tick or untick a checkbox; a click that does not change it is an error at once."""
+        """Tick or untick a checkbox, and wait until it is drawn so: a busy page is late."""
         box = self.row(label).locator("input[type=checkbox]")
-        box.set_checked(not box.is_checked())
+        ticked = box.is_checked()
+        box.click()
+        expect(box).to_be_checked(checked=not ticked)
 
     def slider(self, label: str) -> float:
         """What a slider's number field shows."""

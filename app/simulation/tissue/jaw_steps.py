@@ -54,7 +54,7 @@ LEAST_ACROSS = 0.2
 FURTHER_MM = 7.0
 """By which a bent tip goes back once more, if it strains a wall as it is drawn out."""
 LEAVES_MM = 4.0
-"""By which bent jaws go deeper, or less deep, to leave a wall."""
+"""By which bent jaws go to the front, along the tip or deeper, to leave a wall."""
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 

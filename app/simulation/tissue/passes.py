@@ -71,10 +71,8 @@ PASSES = (
     Pass(0.26, 0.22, 2.6, 94.0),
     Pass(0.46, 0.09, -4.8, 139.0),
 )
-"""In the anatomy `normal`, those that parted most of some 50 that were tried, one after the other,
-with no wall over 80 % of its break, though each was missed by some 0.7 mm."""
-
-
+"""Found in the anatomy `normal`, one after the other: of some 50 places that were tried each time
+in the physics, those that parted most with no wall over 80 % of its break."""
 VARIED = tuple(
     each._replace(front=each.front + front, turn=each.turn + turn)
     for each in PASSES
@@ -128,7 +126,7 @@ class Passes:
 
     def __init__(self, safety: Safety) -> None:
         self._safety, self._beam = safety, safety.tissue.beam
-        # Where, (3,) mm, along what, (3,), what part of what was asked for parted, and how many
+        # Where, (3,) mm, along what, (3,), the part that parted of what crossed it, and how many
         # strands had parted then.
         self._tried = list[tuple[Floats, Floats, float, int]]()
 
