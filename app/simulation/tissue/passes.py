@@ -125,15 +125,15 @@ class Passes:
     """The passes of a right angle in a tissue, and how often they have been tried."""
 
     def __init__(self, safety: Safety) -> None:
-        self._safety, self._beam = safety, safety.tissue.beam
+        self._safety, self._tissue = safety, safety.tissue
         # Where, (3,) mm, along what, (3,), the part that parted of what crossed it, and how many
         # strands had parted then.
         self._tried = list[tuple[Floats, Floats, float, int]]()
 
     def best(self, ends: Floats, feet: Floats) -> tuple[Tip, NDArray[np.bool_]]:
         """Return where most of some strands part, from (S, 3) to (S, 3) mm, and which, (S,)."""
-        broken, corners = self._beam.broken, self._safety.corners()
-        self._tried = [each for each in self._tried if broken - each[3] < FORGOTTEN]
+        beam, corners = self._tissue.beam, self._safety.corners()
+        self._tried = [each for each in self._tried if beam.broken - each[3] < FORGOTTEN]
         tips = [tip_of(each, corners) for each in (*PASSES, *VARIED)]
         parted = [crossed(each, ends, feet) for each in tips]
         weights = [
@@ -144,7 +144,7 @@ class Passes:
         for number in sorted(range(len(tips)), key=weights.__getitem__, reverse=True):
             if weights[number] <= most:
                 break
-            off = clearance(tips[number], self._beam)
+            off = clearance(tips[number], beam)
             is_clear = min(max((off - PUSHED_MM) / (CLEAR_MM - PUSHED_MM), 0.0), 1.0)
             if weights[number] * is_clear > most:
                 best, most = number, weights[number] * is_clear
@@ -152,7 +152,7 @@ class Passes:
 
     def note_tried(self, place: Floats, along: Floats, parted: float) -> None:
         """Weigh a pass less from now on, which has parted some part of what crossed it."""
-        self._tried.append((place, along, parted, self._beam.broken))
+        self._tried.append((place, along, parted, self._tissue.beam.broken))
 
     def _again(self, tip: Tip) -> float:
         been = [

@@ -161,7 +161,7 @@ class ScopeLead:
         self._stops_at = STOPS_AT
         self._stress = 0.0  # of the last tick, over the strength
         self._stopped_at = -SEEN_TICKS  # tick in which something was stopped last
-        # Of each hand, the direction in which it was stopped, (3,), or None.
+        # Of each hand, the move that was stopped, or None.
         self._stopped: list[Stop | None] = [None] * len(state.hands)
 
     @property
