@@ -30,19 +30,21 @@ from app.simulation import (
     read_script,
     run_json,
 )
-from app.simulation.exercises.critical_view import Closing
 from app.simulation.exercises.critical_view import CriticalView as View
 from app.simulation.exercises.goals import CriticalView
-from app.simulation.exercises.next_step import closing_step
 from app.simulation.scripts.scripted_hands import Clip
+from app.simulation.tissue.clip_steps import place_to_close
 from app.simulation.tissue.passes import (
+    BETWEEN,
     HALF_MM,
     JAW_MM,
     RADIUS_MM,
+    TUBE_BEHIND_MM,
     Pass,
     Tip,
     clearance,
     crossed,
+    likelihood,
     tip_of,
 )
 from assets import SCRIPTS
@@ -217,6 +219,16 @@ def test_a_right_angle_parts_what_crosses_what_its_jaws_sweep() -> None:
     places, through = np.array([*inside, *outside]), 1.5 * tip.shaft + 0.2 * aside
     assert crossed(tip, places - through, places + through).tolist() == [True] * 3 + [False] * 2
     assert not crossed(tip, places + through, places + 2.0 * through).any(), "all in front"
+    # Of the last, those to the bed part first: in the middle of the jaws, with their feet behind.
+    to_bed, ends, feet = np.ones(5, dtype=np.bool_), places + through, places - through
+    likely = likelihood(tip, ends, feet, to_bed)
+    assert likely[0] == 1.0
+    assert likely[0] > likely[1:3].max() > likely[1:3].min() > 0.0
+    assert likely[3:].tolist() == [0.0, 0.0]
+    assert likelihood(tip, ends, feet, ~to_bed) == pytest.approx(
+        likely * BETWEEN * 1.5 / TUBE_BEHIND_MM
+    )
+    assert likelihood(tip, ends, places + 0.2 * through, to_bed)[0] == 0.0
     # In front of all tubes it is off them by as much more as it is drawn out.
     axis = tissue.beam.places_at(np.array([12.0]), "cystic")[0]
     shaft = TROCARS[1].shaft(axis)
@@ -234,20 +246,19 @@ def test_a_right_angle_parts_what_crosses_what_its_jaws_sweep() -> None:
         assert clearance(behind, tissue.beam) == pytest.approx(-radius - RADIUS_MM, abs=0.5)
 
 
-def test_structures_are_closed_one_after_the_other() -> None:
-    """Marked, clipped away from the gallbladder first, then beside it, and divided between."""
-    done = Closing("artery", marked=True, stay=2, go=1, divided=True)
-    begun = [
-        (Closing("cystic", False, 0, 0, False), "mark the cystic duct"),
-        (Closing("cystic", True, 1, 0, False), "clip the cystic duct away from the gallbladder"),
-        (Closing("cystic", True, 2, 0, False), "clip the cystic duct beside the gallbladder"),
-        (Closing("artery2", True, 3, 0, False), "divide the second cystic artery between its"),
-    ]
-    for each, words in begun:
-        step = closing_step([done, each], stay=2, go=1)
-        assert step.startswith(f"Next: {words}")
-        assert len(step.split()) <= 25
-    assert closing_step([done, done], stay=2, go=1) == ""
+def test_clips_and_division_have_places_along_a_structure() -> None:
+    """From the gallbladder: a clip that goes, the division, two that stay; those come first."""
+    clips: list[float] = []
+    for place in (12.0, 9.0, 3.0):
+        assert place_to_close(clips, 2, 1, 23.0) == place
+        clips.append(place)
+    assert place_to_close(clips, 2, 1, 23.0) == 6.0, "the division"
+    # What somebody has put elsewhere counts; along a short tube all is nearer.
+    assert place_to_close([10.0], 2, 1, 23.0) == 12.0
+    assert place_to_close([12.5, 8.0, 5.0], 2, 1, 23.0) == 6.5
+    assert place_to_close([4.0, 6.0], 2, 0, 23.0) == 2.0
+    short = [place_to_close([9.9] * number, 2, 1, 10.0) for number in range(3)]
+    assert short == [8.0, 6.0, 2.0]
 
 
 @pytest.mark.parametrize(

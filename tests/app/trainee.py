@@ -287,9 +287,10 @@ class Trainee:
             self.send("stop")
         elif "let the" in words or "a little" in words:
             self._ease(step.hand or 0, place)
-        elif "part the" in words or "clip applier into" in words:
+        elif "part the" in words or "into the ring, past" in words:
             assert place is not None
-            if step.tool is not None and step.tool != "clip applier":  # which it has
+            holder = self.session.spatial.hands[1]
+            if step.tool is not None and ("part the" in words or holder.instrument != step.tool):
                 self.take(1, step.tool)
             if math.dist(self.tip, place) > AWAY:
                 self.wheel(-6)

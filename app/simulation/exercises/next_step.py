@@ -1,13 +1,10 @@
 """What an exercise at an anatomy asks for next, in words of at most 25."""
 
-from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.anatomy import tube_title
-from app.simulation.exercises.critical_view import Closing
 from app.simulation.inputs.inputs import Instrument
 
 Where = Literal["between", "under", "plate", "pass between", "behind"]
@@ -80,18 +77,17 @@ PRESSES = (
     "to part."
 )
 MARK = "Next: mark the {}: choose it under Point at, and press it in the picture (K, then G)."
-CLIP = (
-    "Next: clip the {} {} the gallbladder, clip applier in the right hand; turn (J, L) a jaw to "
-    "either side."
-)
-DIVIDE = (
-    "Next: divide the {} between its clips, {} to stay and {} to go, scissors in the right hand."
-)
-CLIP_IN = "Next: lead the right hand's clip applier into the ring, past the {}{}."
-ALONG_BAR = ", its jaws (J, L) along the bar"
+CLIP = "clip {} of {}, to {}: "
+DIVIDE = "divide it between its clips: "
+"""For what jaws are brought somewhere."""
+INTO_RING = "lead the {} into the ring, past the {}{}."
+ALONG_BAR = ", jaws (J, L) along the bar"
 """Where they are to be turned for that."""
-CLIP_NOW = "Next: clip it (G): the {} lies between the jaws."
-CLIPS_TOO = "Next: wheel the clip applier back by a notch: the {} lies between its jaws, too."
+CLOSE_NOW: dict[Instrument, str] = {
+    "clip applier": "Next: clip it (G): the {} lies between the jaws.",
+    "scissors": "Next: divide it (G): the {} lies between the jaws.",
+}
+BESIDE_JAWS = "Next: wheel the {} back by a notch: the {} lies between its jaws, too."
 STAYS_STOPPED = "Next: wait, and touch nothing: it has to stay stopped."
 
 
@@ -104,17 +100,3 @@ class NextStep(NamedTuple):
     place: tuple[float, float, float] | None = None  # mm, where to the hand's tip is led
     hand: int | None = None  # that does it; None for either
     tool: Instrument | None = None  # that it takes; None for what it has
-
-
-def closing_step(closings: Sequence[Closing], stay: int, go: int) -> str:
-    """Return what to do next with the first structure that is not yet closed; empty if all are."""
-    for each in closings:
-        name, clips = tube_title(each.tube), each.stay + each.go
-        if not each.marked:
-            return MARK.format(name)
-        if each.divided:
-            continue
-        if clips < stay + go:
-            return CLIP.format(name, "away from" if clips < stay else "beside")
-        return DIVIDE.format(name, stay, go)
-    return ""

@@ -191,7 +191,9 @@ class Clip:
             bleeding = Bleeding.of(duct)
             if bleeding is None:
                 return
-            site = ClipSite.clearest(duct, bleeding, self.before, JAWS_MM)
+            site = ClipSite.clearest(
+                duct, bleeding.tube, bleeding.stations(self.before), JAWS_MM, bleeding.is_closed_by
+            )
             session.aim(1, site.shaft.tolist())
             session.spread(1, site.across.tolist())
             start, goal = duct.hands[1].place.copy(), site.tip

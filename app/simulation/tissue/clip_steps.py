@@ -1,5 +1,11 @@
-"""Where a bleeding tube is clipped, and what is asked for of the clip applier there."""
+"""Where tubes are clipped and divided, and what is asked for of jaws there.
 
+A tube that bleeds is clipped on the side from which the blood comes. A structure of the critical
+view has places for its clips and its division along it, one `SPACE_MM` from the next: from the
+gallbladder first the clips that go with it, then the division, then the clips that stay.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,15 +14,20 @@ from numpy.typing import NDArray
 from app.anatomy import tube_title
 from app.simulation.exercises.next_step import (
     ALONG_BAR,
-    CLIP_IN,
-    CLIP_NOW,
-    CLIPS_TOO,
+    BESIDE_JAWS,
+    CLIP,
+    CLOSE_NOW,
+    DIVIDE,
+    INTO_RING,
+    MARK,
     STAYS_STOPPED,
     NextStep,
 )
+from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.jaw_steps import RIGHT, TURNED, three, turn_off
 from app.simulation.tissue.reached_tube import nearest_wall
+from app.simulation.tissue.safety import Safety
 from app.simulation.tissue.spatial_tissue import CLIP_OPENING, LEAST_FLOW, SpatialTissue
 
 Floats = NDArray[np.float64]
@@ -26,6 +37,10 @@ SITES_MM = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 """From a tear: of these sites that is asked for which is clearest of other tubes."""
 LEAST_MM, MOST_MM = 0.5, 10.0
 """From a tear, within which a clip before it is well placed."""
+SPACE_MM, ASIDE_MM = 3.0, (0.0, -0.8, 0.8)
+"""Between the places of a structure's clips and its division, and how far off each that may be."""
+NEAR_MM, APART_MM = 1.5, 0.7
+"""mm from its place, up to which jaws are well placed, and from a clip, from which on they are."""
 
 
 class Bleeding(NamedTuple):
@@ -49,6 +64,10 @@ class Bleeding(NamedTuple):
         # The tear's other end lies further from where the blood comes.
         ends = [each.station for each in holes if each.tube == hole.tube]
         return cls(hole.tube, hole.station, -1.0 if max(ends) > hole.station else 1.0)
+
+    def stations(self, before: Iterable[float]) -> list[float]:
+        """Return where so many mm before it are, mm."""
+        return [self.station + self.up * each for each in before]
 
     def is_closed_by(self, between: dict[str, float]) -> bool:
         """Return whether a clip on these tubes, at stations in mm, is well placed before it."""
@@ -81,13 +100,15 @@ class ClipSite(NamedTuple):
 
     @classmethod
     def clearest(
-        cls, tissue: SpatialTissue, bleeding: Bleeding, from_tear: tuple[float, ...], jaws: float
+        cls,
+        tissue: SpatialTissue,
+        tube: str,
+        stations: Iterable[float],
+        jaws: float,
+        is_good: Callable[[dict[str, float]], bool],
     ) -> "ClipSite":
-        """Return the clearest site at one of so many mm before a hole."""
-        sites = [
-            cls.at(tissue, bleeding.tube, bleeding.station + bleeding.up * each, jaws)
-            for each in from_tear
-        ]
+        """Return the clearest site at one of some stations, mm, where what is between is good."""
+        sites = [cls.at(tissue, tube, each, jaws) for each in stations]
 
         def clear(site: ClipSite) -> float:
             """Return how far jaws are from the nearest other tube, mm."""
@@ -98,43 +119,143 @@ class ClipSite(NamedTuple):
                 for aside in (-0.5 * jaws, 0.5 * jaws)
                 for back in (0.0, 4.0, 8.0)
                 for other in tissue.tubes.names
-                if other != bleeding.tube
+                if other != tube
             )
 
         # A tube that turns back may pass between the jaws elsewhere.
-        return max(sites, key=lambda each: (bleeding.is_closed_by(each.between), clear(each)))
+        return max(sites, key=lambda each: (is_good(each.between), clear(each)))
+
+
+class JawsAt:
+    """How far somebody has come with open jaws that are to close on a tube."""
+
+    def __init__(self, tissue: SpatialTissue) -> None:
+        self._tissue = tissue
+        self._site: tuple[object, float] = None, 0.0  # what is asked for, and its station, mm
+
+    def next_step(
+        self,
+        tool: Instrument,
+        tube: str,
+        stations: Sequence[float],
+        is_good: Callable[[dict[str, float]], bool],
+        purpose: str = "",
+    ) -> NextStep:
+        """Return what to do next.
+
+        Parameters
+        ----------
+        tool, tube
+            What closes, and on which tube.
+        stations
+            mm along it, of which the clearest is asked for.
+        is_good
+            Whether jaws may close on some tubes, at stations in mm.
+        purpose
+            What they are brought for, as a step begins.
+
+        Returns
+        -------
+        NextStep
+            To bring the jaws, or to close them.
+        """
+        tissue, hand = self._tissue, self._tissue.hands[RIGHT]
+        jaws = hand.opening if hand.instrument == tool else CLIP_OPENING
+        # A site that is good stays: which is the clearest changes as jaws come near.
+        asked = tool, tube, purpose
+        site = ClipSite.at(tissue, tube, self._site[1], jaws)
+        if self._site[0] != asked or not is_good(site.between):
+            site = ClipSite.clearest(tissue, tube, stations, jaws, is_good)
+            self._site = asked, site.station
+        between: dict[str, float] = {}
+        if hand.instrument == tool:
+            found = tissue.between_jaws(hand.place, np.array(hand.aim), jaws)
+            between = {tissue.tubes.names[number]: at for number, at in found}
+        title, others = tube_title(tube), [each for each in between if each != tube]
+        if not is_good(between):
+            off = turn_off(RIGHT, hand, site.across)
+            bar = ALONG_BAR * (off is not None and abs(off) > TURNED)
+            words = f"Next: {purpose}{INTO_RING.format(tool, title, bar)}"
+        elif others:
+            words = BESIDE_JAWS.format(tool, tube_title(others[0]))
+        else:
+            words = CLOSE_NOW[tool].format(title)
+        return NextStep(
+            words, np.zeros(0, dtype=np.int64), along=three(site.across), place=three(site.tip),
+            hand=RIGHT, tool=tool,
+        )  # fmt: skip
 
 
 class ClipSteps:
     """How far somebody has come with a bleeding."""
 
     def __init__(self, tissue: SpatialTissue) -> None:
-        self._tissue = tissue
-        self._tube, self._station = "", 0.0  # of the site that is asked for, mm
+        self._tissue, self._jaws = tissue, JawsAt(tissue)
 
     def next_step(self) -> NextStep | None:
         """Return what to do next; None where nothing has bled."""
-        tissue, none = self._tissue, np.zeros(0, dtype=np.int64)
-        bleeding = Bleeding.of(tissue)
+        bleeding = Bleeding.of(self._tissue)
         if bleeding is None:
-            return NextStep(STAYS_STOPPED, none) if tissue.fluids["blood"].holes else None
-        hand = tissue.hands[RIGHT]
-        jaws = hand.opening if hand.instrument == "clip applier" else CLIP_OPENING
-        # A site that is good stays: which is the clearest changes as jaws come near.
-        site = ClipSite.at(tissue, bleeding.tube, self._station, jaws)
-        if self._tube != bleeding.tube or not bleeding.is_closed_by(site.between):
-            site = ClipSite.clearest(tissue, bleeding, SITES_MM, jaws)
-            self._tube, self._station = bleeding.tube, site.station
-        title = tube_title(bleeding.tube)
-        found = tissue.between_jaws(hand.place, np.array(hand.aim), jaws)
-        between = {tissue.tubes.names[tube]: at for tube, at in found}
-        others = [each for each in between if each != bleeding.tube]
-        if not bleeding.is_closed_by(between):
-            off = turn_off(RIGHT, hand, site.across)
-            words = CLIP_IN.format(title, ALONG_BAR * (off is not None and abs(off) > TURNED))
-        else:
-            words = CLIPS_TOO.format(tube_title(others[0])) if others else CLIP_NOW.format(title)
-        return NextStep(
-            words, none, along=three(site.across), place=three(site.tip), hand=RIGHT,
-            tool="clip applier",
-        )  # fmt: skip
+            stopped = NextStep(STAYS_STOPPED, np.zeros(0, dtype=np.int64))
+            return stopped if self._tissue.fluids["blood"].holes else None
+        return self._jaws.next_step(
+            "clip applier", bleeding.tube, bleeding.stations(SITES_MM), bleeding.is_closed_by
+        )
+
+
+class ClosingSteps:
+    """How far somebody has come with the structures of a critical view that are divided."""
+
+    def __init__(self, safety: Safety) -> None:
+        self._safety, self._jaws = safety, JawsAt(safety.tissue)
+
+    def next_step(self, stay: int, go: int) -> NextStep | None:
+        """Return what to do next, with so many clips to stay and to go; None once all is done."""
+        for each in self._safety.closings():
+            if not each.marked:
+                words = MARK.format(tube_title(each.tube))
+                return NextStep(words, np.zeros(0, dtype=np.int64))
+            if not each.divided:
+                return self._close(each.tube, stay, go)
+        return None
+
+    def _close(self, tube: str, stay: int, go: int) -> NextStep:
+        tissue, at_end = self._safety.tissue, self._safety.entering[tube]
+        span, scale = (
+            tissue.tubes.network.tubes[tube].span,
+            tissue.tubes.surfaces[tissue.tubes.names.index(tube)].scale,
+        )
+        clips: list[float] = sorted(
+            span - each.station * scale if at_end else each.station * scale
+            for each in tissue.events
+            if each.tube == tube and each.kind == "clip"
+        )
+        far = place_to_close(clips, stay, go, span)
+
+        def is_good(between: dict[str, float]) -> bool:
+            """Return whether jaws are on the tube there, off its clips."""
+            if tube not in between:
+                return False
+            at = span - between[tube] if at_end else between[tube]
+            apart = all(abs(at - each) >= APART_MM for each in clips)
+            return apart and abs(at - far) <= NEAR_MM
+
+        stations = [span - far - each if at_end else far + each for each in ASIDE_MM]
+        if len(clips) >= stay + go:
+            return self._jaws.next_step("scissors", tube, stations, is_good, DIVIDE)
+        side = "stay" if far > SPACE_MM * (go + 1) else "go"
+        purpose = CLIP.format(len(clips) + 1, stay + go, side)
+        return self._jaws.next_step("clip applier", tube, stations, is_good, purpose)
+
+
+def place_to_close(clips: Sequence[float], stay: int, go: int, span: float) -> float:
+    """Return where the next clip or the division is, mm from the gallbladder, as clips are."""
+    # Those that stay come first, farthest from it; then those that go, then the division.
+    space = min(SPACE_MM, span / (stay + go + 2))
+    if len(clips) >= stay + go:
+        between = sorted(clips)[go - 1 : go + 1] if go else [0.0, min(clips)]
+        return 0.5 * (between[0] + between[-1])
+    places = [space * (each + 1) for each in range(stay + go + 1) if each != go]
+    for each in clips:
+        places.remove(min(places, key=lambda place: abs(place - each)))
+    return max(places)

@@ -32,10 +32,9 @@ from app.simulation.exercises.next_step import (
     TO_RING,
     WITHDRAW,
     NextStep,
-    closing_step,
 )
 from app.simulation.inputs.inputs import HOLDING
-from app.simulation.tissue.clip_steps import ClipSteps
+from app.simulation.tissue.clip_steps import ClipSteps, ClosingSteps
 from app.simulation.tissue.jaw_steps import IN_RING_MM, RIGHT, TAUT, JawSteps, three
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.safety import Safety
@@ -103,7 +102,7 @@ class Guidance:
         self.tissue = safety.tissue
         """What is judged."""
 
-        self._clips = ClipSteps(self.tissue)
+        self._clips, self._closing = ClipSteps(self.tissue), ClosingSteps(safety)
         self._part: Part | None = None
         self._pulling: _Pulling | None = None
         self._jaws: JawSteps | None = None
@@ -127,8 +126,7 @@ class Guidance:
             return None
         view = self._safety.critical_view()
         if viewed:
-            words = closing_step(self._safety.closings(), goal.stay, goal.go)
-            return NextStep(words, np.zeros(0, dtype=np.int64)) if words else None
+            return self._closing.next_step(goal.stay, goal.go)
         parts = view.next_parts(goal.points)
         if not parts:
             return None

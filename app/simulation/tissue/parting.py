@@ -160,7 +160,8 @@ class PartingPlaces:
 
     def _passed(self, which: Ints) -> Site:
         """Return where a right angle parts some strands, named by those that are most."""
-        tip, found = self._passes.best(*self._ends(which))
+        to_bed = self._tissue.tubes.strands.to[which] < 0
+        tip, found = self._passes.best(*self._ends(which), to_bed)
         near = which[found] if found.any() else which
         group = max(self._groups(near), key=len)
         off = tip.place - self._middles(group)
