@@ -201,6 +201,35 @@ def test_who_does_what_is_asked_for_next_reaches_the_view(anatomy: Anatomy, name
     assert {"hold", "draw", "let go"} <= set(done)
 
 
+def test_jaws_that_part_once_more_are_closed_once_more() -> None:
+    """Whoever presses twice is not led out of the tissue with open jaws."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    exercise = exercise_at(anatomy_named("normal"), "critical_view")
+    assert exercise is not None
+    session.start_exercise(exercise)
+    guidance, done = Guidance(Safety(session.spatial)), list[str]()
+
+    def obeyed() -> str:
+        step = guidance.next_step(exercise, viewed=False)
+        assert step is not None
+        return obey(session, step)
+
+    while "back" not in done:
+        done.append(obeyed())
+        if done[-1] == "close" and done.count("close") < 3:
+            step = guidance.next_step(exercise, viewed=False)
+            assert step is not None
+            assert "as it came" in step.words
+            session.spatial.hands[1].opening = 10.0
+    assert [each for each in done if each != "wait"] == [
+        "part",
+        "pass",
+        "open",
+        *3 * ["close"],
+        "back",
+    ]
+
+
 def test_a_right_angle_parts_what_crosses_what_its_jaws_sweep() -> None:
     """A rectangle behind its end, as wide as they part; no wall is in its way, or it says which."""
     tissue = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW).spatial

@@ -126,7 +126,7 @@ class ClipSite(NamedTuple):
         return max(sites, key=lambda each: (is_good(each.between), clear(each)))
 
 
-class JawsAt:
+class JawsOnTube:
     """How far somebody has come with open jaws that are to close on a tube."""
 
     def __init__(self, tissue: SpatialTissue) -> None:
@@ -190,7 +190,7 @@ class ClipSteps:
     """How far somebody has come with a bleeding."""
 
     def __init__(self, tissue: SpatialTissue) -> None:
-        self._tissue, self._jaws = tissue, JawsAt(tissue)
+        self._tissue, self._jaws = tissue, JawsOnTube(tissue)
 
     def next_step(self) -> NextStep | None:
         """Return what to do next; None where nothing has bled."""
@@ -207,7 +207,7 @@ class ClosingSteps:
     """How far somebody has come with the structures of a critical view that are divided."""
 
     def __init__(self, safety: Safety) -> None:
-        self._safety, self._jaws = safety, JawsAt(safety.tissue)
+        self._safety, self._jaws = safety, JawsOnTube(safety.tissue)
 
     def next_step(self, stay: int, go: int) -> NextStep | None:
         """Return what to do next, with so many clips to stay and to go; None once all is done."""

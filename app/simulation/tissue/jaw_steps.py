@@ -146,6 +146,8 @@ class JawSteps:
         elif not hand.opening:
             back = site.beside is None or math.dist(hand.place, self._back) < IN_RING_MM
             self._state = "to withdraw" if back or self._state == "to withdraw" else "closed"
+        elif self._state in {"closed", "to withdraw"}:  # they have parted once more
+            self._state = "opening" if opens else "to close"
         elif self._state == "pinched" and opens:
             self._state, self._pinched_at = "to leave", hand.place.copy()
         elif self._state == "to leave":
