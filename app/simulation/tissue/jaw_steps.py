@@ -28,7 +28,7 @@ from app.simulation.inputs.hand import GRIP_N, Hand
 from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.parting import PartingPlaces, Site
-from app.simulation.tissue.spatial_tissue import SpatialTissue
+from app.simulation.tissue.spatial_tissue import LENGTH, SpatialTissue
 
 Floats = NDArray[np.float64]
 Three = tuple[float, float, float]
@@ -54,7 +54,8 @@ LEAST_ACROSS = 0.2
 FURTHER_MM = 7.0
 """By which a bent tip goes back once more, if it strains a wall as it is drawn out."""
 LEAVES_MM = 4.0
-"""By which bent jaws go to the front, along the tip or deeper, to leave a wall."""
+"""By which bent jaws go to the front, deeper or along the tip, to leave a wall."""
+JAW_MM = LENGTH["right angle"]
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 
@@ -74,6 +75,7 @@ class JawSteps:
         self._opening = 0.0  # mm, at the last judgement
         self._broken = tissue.beam.broken
         self._wall, self._pinched_at = "", np.zeros(3)  # between its jaws; (3,) mm, where
+        self._pinched_side = 1.0  # 1 where jaws in front of it are off it, -1 where deeper ones are
         self._leaves = 0  # how often they have been led off it
         self._further = 0.0  # mm, by which a bent tip goes back more than it came
         self._pressed = False  # whether the tip has pressed too hard here for jaws to part
@@ -150,6 +152,7 @@ class JawSteps:
             self._state = "opening" if opens else "to close"
         elif self._state == "pinched" and opens:
             self._state, self._pinched_at = "to leave", hand.place.copy()
+            self._pinched_side = self._side_of(self._wall)
         elif self._state == "to leave":
             if self._tissue.stress_ratio > TAUT:
                 self._leaves += 1
@@ -220,10 +223,20 @@ class JawSteps:
     @property
     def _left(self) -> Floats:
         """(3,) mm where jaws are off the wall that was between them."""
-        # To the front, along the tip or deeper, in turn: none is off every wall.
-        shaft = TROCARS[RIGHT].shaft(self._pinched_at)
-        moves = shaft, -np.array(self._tissue.hands[RIGHT].aim), -shaft
+        # To the side where it is not, along the tip or to the other side, in turn: none is off
+        # every wall.
+        off = self._pinched_side * TROCARS[RIGHT].shaft(self._pinched_at)
+        moves = off, -np.array(self._tissue.hands[RIGHT].aim), -off
         return self._pinched_at + LEAVES_MM * moves[self._leaves % len(moves)]
+
+    def _side_of(self, wall: str) -> float:
+        """Return whether jaws are off a wall that is between them in front of it, 1, or deeper."""
+        hand, beam = self._tissue.hands[RIGHT], self._tissue.beam
+        tube = self._tissue.tubes.network.tubes[wall]
+        off = beam.places_at(np.arange(0.0, tube.span, 0.5), wall) - hand.place
+        aside = off - np.clip(off @ hand.aim, 0.0, JAW_MM)[:, None] * np.array(hand.aim)
+        nearest = aside[int((aside**2).sum(axis=1).argmin())]
+        return -1.0 if float(nearest @ TROCARS[RIGHT].shaft(hand.place)) > 0.0 else 1.0
 
     def _step(self, words: str, place: Floats | None = None) -> NextStep:
         at = None if place is None else three(place)

@@ -83,8 +83,9 @@ HELD_BACK = (
 )
 SEEN_TICKS = 30
 """Ticks after a stop, in which keys do nothing: they were pressed before it was seen."""
-JUDGED_TICKS = 15
-"""Ticks after which what comes next is judged anew."""
+JUDGED_TICKS, USED_TICKS = 15, 4
+"""Ticks after which what comes next is judged anew, and after an instrument was used: then it has
+begun to move."""
 PARTS: frozenset[Instrument] = frozenset({"dissector", "right angle"})
 """Instruments whose jaws part tissue."""
 COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
@@ -149,6 +150,7 @@ class ScopeLead:
         self._photographs = False  # whether one is asked for
         self._guidance: Guidance | None = None
         self._judged: object = None  # of what `_next` was found
+        self._judge_at = 0  # the tick in which it is found anew
         self._next = self._marked = cast(NextStep | None, None)
         self._to_part: tuple[int, ...] = ()  # of what is `_marked`
         # Of each hand, where its tip is led to, (3,) mm, or None.
@@ -204,12 +206,10 @@ class ScopeLead:
         if self._guidance is None or self._guidance.tissue is not tissue:
             self._guidance = Guidance(Safety(tissue))
         # What is asked for does not change with each strand that parts.
-        now = (
-            exercise, tissue.beam, len(tissue.events), len(tissue.marks), self.structures,
-            tissue.ticks // JUDGED_TICKS,
-        )  # fmt: skip
-        if now != self._judged:
-            self._judged = now
+        now = exercise, tissue.beam, len(tissue.events), len(tissue.marks), self.structures
+        due = not 0 < self._judge_at - tissue.ticks <= JUDGED_TICKS
+        if due or now != self._judged:
+            self._judged, self._judge_at = now, tissue.ticks + JUDGED_TICKS
             self._next = self._guidance.next_step(exercise, viewed=bool(self.structures))
         return self._next
 
@@ -257,16 +257,19 @@ class ScopeLead:
     def to_ring(self) -> tuple[float, float, float] | None:
         """How far right and up of the led tip the ring's path is, and in along that the ring, mm.
 
-        The pointer leads the tip right and up, at its depth, and then the wheel in. None where
-        there is no ring for it, or the scope is led.
+        The pointer leads the tip right and up, at its depth, and then the wheel in. One that is on
+        its way counts from where it comes to. None where there is no ring for it, or the scope is
+        led.
         """
-        step, holder = self.next_step, self._state.hands[self.hand]
+        step = self.next_step
         if step is None or step.place is None or self.leads_scope or step.hand != self.hand:
             return None
-        place = np.array(step.place)
+        holder = self._state.hands[self.hand]
+        still = self._goals[self.hand] is None and holder.arrived
+        place, tip = np.array(step.place), holder.tip if still else self._led_to
         shaft = TROCARS[self.hand].shaft(place)
-        into = self._far_along(place, shaft, holder.tip)
-        right, up = self.held.camera.axes[:, :2].T @ (place - holder.tip + into * shaft)
+        into = self._far_along(place, shaft, tip)
+        right, up = self.held.camera.axes[:, :2].T @ (place - tip + into * shaft)
         return float(right), float(up), into
 
     def _far_along(self, ring: Floats, shaft: Floats, place: Floats) -> float:
@@ -382,9 +385,13 @@ class ScopeLead:
             state.session.open_jaws(hand, CLIP_OPENING)
 
     def choose_next_instrument(self) -> None:
-        """Give the active hand the next instrument."""
-        offered = self._state.instruments
+        """Give the active hand what the next step asks for, or else the next instrument."""
+        offered, step = self._state.instruments, self.next_step
         now = self._state.instrument
+        asked = None if step is None or step.hand != self.hand else step.tool
+        if asked is not None and asked != now:
+            self.choose_instrument(self.hand, asked)
+            return
         at = offered.index(now) if now in offered else -1
         self.choose_instrument(self.hand, offered[(at + 1) % len(offered)])
 
@@ -639,6 +646,7 @@ class ScopeLead:
         if self._may_act():
             self._state.forget_refusal()
             self._uses[self._state.instrument]()
+            self._judge_at = min(self._judge_at, self.session.spatial.ticks + USED_TICKS)
 
     @property
     def use(self) -> str:

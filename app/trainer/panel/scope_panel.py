@@ -83,6 +83,7 @@ STEP = 0.5
 """mm that a key moves a tip by."""
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
+COMING = "on its way"
 LEAST_MM, CROSS_MM = 0.75, 2.0
 """mm off a ring that are worth a move, and in front of it, from which on its path has a cross."""
 MARKS = "Mark what is next"
@@ -345,7 +346,7 @@ class ScopePanel:
             name, place = "To the ring", f"take the {step.tool} (N)"
         elif to_ring is not None:
             moves = _moves(to_ring, holds=holder.node is not None)
-            name, place = "To the ring", "in it" if self._lead.in_ring else moves
+            name, place = "To the ring", "in it" if self._lead.in_ring else moves or COMING
         elif step is not None and step.hand is not None and step.hand != hand:
             name, place = "To the ring", f"lead the {HANDS[step.hand].lower()} (X)"
         elif holder.node is not None:

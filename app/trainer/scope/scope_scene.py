@@ -139,8 +139,9 @@ class ScopeScene:
         self._drawn_with = -1.0  # the angle of the scope that the page has
         # as the page has it: a hand or what else is led, by which end, where the cross is
         self._leads: tuple[int, tuple[float, float] | None] | None = None
-        self._warning, self._marked = "", tuple[int, ...]()
-        self._ring: tuple[float, ...] | None = None
+        self._warning = ""
+        # The strands that are marked, and the ring.
+        self._marks: tuple[tuple[int, ...], tuple[float, ...] | None] = (), None
         self._frame = client.scene.add_frame("/scope", show_axes=False)
         self._pointer: viser.GuiTextHandle | None = None
         self._photograph: viser.GuiTextHandle | None = None
@@ -157,7 +158,7 @@ class ScopeScene:
             self._clear()
 
     def advance(self, ticks: int) -> bool:
-        """Lead the hands, and let the assistant follow them; return whether the scope has moved."""
+        """Lead the hands, and let the assistant follow; return whether the picture is another."""
         self._led.advance(ticks)
         tissue = self._session.spatial
         # A replay, and another's session, are seen through the scope that was held there.
@@ -167,7 +168,8 @@ class ScopeScene:
             return before != (held.pose, held.oblique)
         tips = [hand.place for hand in tissue.hands]
         moved = [held.advance(tips) for _ in range(ticks)]
-        return any(moved)
+        # What is asked for next changes while all stands still, too.
+        return any(moved) or self._marks != (self._led.to_part, self._led.ring)
 
     def draw(
         self,
@@ -184,14 +186,11 @@ class ScopeScene:
             self._warning = warning
             run_function(self._client.scene, "bluntdissectScope.warn", warning)
         led = self._led
-        marked = led.to_part
-        if marked != self._marked:
-            self._marked = marked
-            run_function(self._client.scene, "bluntdissectScope.mark", marked)
-        ring = led.ring
-        if ring != self._ring:
-            self._ring = ring
-            run_function(self._client.scene, "bluntdissectScope.ring", ring)
+        (marked, ring), self._marks = self._marks, (led.to_part, led.ring)
+        if marked != self._marks[0]:
+            run_function(self._client.scene, "bluntdissectScope.mark", self._marks[0])
+        if ring != self._marks[1]:
+            run_function(self._client.scene, "bluntdissectScope.ring", self._marks[1])
         hand = POINTS if led.cross is not None else SCOPE if led.leads_scope else led.hand
         leads = hand, led.cross
         if self._photograph is not None and led.take_request():
@@ -275,7 +274,7 @@ class ScopeScene:
                 scope,
                 plain=self._look == "plain",
             )
-            self._leads, self._warning, self._marked, self._ring = None, "", (), None
+            self._leads, self._warning, self._marks = None, "", ((), None)
         return self._picture
 
     def _clear(self) -> None:
