@@ -278,16 +278,18 @@ def test_a_right_angle_parts_what_crosses_what_its_jaws_sweep() -> None:
 def test_clips_and_division_have_places_along_a_structure() -> None:
     """From the gallbladder: a clip that goes, the division, two that stay; those come first."""
     clips: list[float] = []
-    for place in (12.0, 9.0, 3.0):
-        assert place_to_close(clips, 2, 1, 23.0) == place
+    for place, use in ((12.0, "stay"), (9.0, "stay"), (3.0, "go")):
+        assert place_to_close(clips, 2, 1, 23.0) == (place, use)
         clips.append(place)
-    assert place_to_close(clips, 2, 1, 23.0) == 6.0, "the division"
+    assert place_to_close(clips, 2, 1, 23.0) == (6.0, "divide")
     # What somebody has put elsewhere counts; along a short tube all is nearer.
-    assert place_to_close([10.0], 2, 1, 23.0) == 12.0
-    assert place_to_close([12.5, 8.0, 5.0], 2, 1, 23.0) == 6.5
-    assert place_to_close([4.0, 6.0], 2, 0, 23.0) == 2.0
+    assert place_to_close([10.0], 2, 1, 23.0) == (12.0, "stay")
+    assert place_to_close([12.5, 8.0, 5.0], 2, 1, 23.0) == (6.5, "divide")
     short = [place_to_close([9.9] * number, 2, 1, 10.0) for number in range(3)]
-    assert short == [8.0, 6.0, 2.0]
+    assert short == [(8.0, "stay"), (6.0, "stay"), (2.0, "go")]
+    # All may stay, or go.
+    assert place_to_close([4.0, 6.0], 2, 0, 23.0) == (2.0, "divide")
+    assert place_to_close([3.0], 0, 1, 23.0) == (13.0, "divide")
 
 
 @pytest.mark.parametrize(

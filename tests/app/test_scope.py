@@ -1,9 +1,10 @@
 """The scope and the instruments in their trocars, the assistant, and what a frame holds."""
 
 import math
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 from unittest.mock import MagicMock, patch
 
 import numpy as np
@@ -66,6 +67,7 @@ from app.trainer.client.scope_lead import (
     SPREAD,
     STEADY,
     STOPS_AT,
+    USED_TICKS,
     ScopeLead,
     Stop,
 )
@@ -865,6 +867,49 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     state.show(marks_next=False)
     assert lead.next_step is None
     assert lead.to_part == ()
+
+
+def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: ScopeLead) -> None:
+    """To its ring counts from where a tip is led; once an instrument is used, it is found anew."""
+    session = lead.session
+    session.start_exercise(critical_view())
+    scene = SimpleNamespace(_led=lead, _session=session, _held=lead.held, _marks=((), None))
+    advance = partial(ScopeScene.advance, cast(Any, scene))
+    for _ in range(100):  # until the assistant has led the scope to both tips
+        advance(1)
+        scene._marks = lead.to_part, lead.ring
+        session.advance()
+    assert not session.tissue.moving
+    assert not advance(1)
+    scene._marks = (), None
+    assert advance(1)
+    lead.choose(1)
+    assert session.spatial.hands[1].instrument == "dissector"
+    lead.choose_next_instrument()
+    assert session.spatial.hands[1].instrument == "right angle"
+    pass_time(lead, session, 0.5)
+    before = lead.to_ring
+    assert before is not None
+    lead.nudge(0.0, 0.0, -6.0)
+    after = lead.to_ring
+    assert after is not None
+    assert after[2] - before[2] == pytest.approx(6.0, abs=0.5)
+    pass_time(lead, session, 2.0)
+    assert lead.to_ring == pytest.approx(after, abs=0.1)
+    lead.choose_next_instrument()
+    assert session.spatial.hands[1].instrument != "right angle", "which it has"
+    session.start_exercise(critical_view("first_view"))
+    lead.choose(0)
+    step = lead.next_step
+    assert step is not None
+    assert "take hold" in step.words
+    assert step.place is not None
+    session.spatial.hands[0].put(np.array(step.place))
+    lead.use_instrument()
+    pass_time(lead, session, USED_TICKS * TICK_SECONDS)
+    step = lead.next_step
+    assert step is not None
+    assert "draw the gallbladder aside" in step.words
 
 
 def test_any_tube_s_tear_ends_and_is_told(lead: ScopeLead) -> None:

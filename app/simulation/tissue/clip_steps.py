@@ -6,7 +6,7 @@ gallbladder first the clips that go with it, then the division, then the clips t
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -230,7 +230,7 @@ class ClosingSteps:
             for each in tissue.events
             if each.tube == tube and each.kind == "clip"
         )
-        far = place_to_close(clips, stay, go, span)
+        far, use = place_to_close(clips, stay, go, span)
 
         def is_good(between: dict[str, float]) -> bool:
             """Return whether jaws are on the tube there, off its clips."""
@@ -241,21 +241,36 @@ class ClosingSteps:
             return apart and abs(at - far) <= NEAR_MM
 
         stations = [span - far - each if at_end else far + each for each in ASIDE_MM]
-        if len(clips) >= stay + go:
+        if use == "divide":
             return self._jaws.next_step("scissors", tube, stations, is_good, DIVIDE)
-        side = "stay" if far > SPACE_MM * (go + 1) else "go"
-        purpose = CLIP.format(len(clips) + 1, stay + go, side)
+        purpose = CLIP.format(len(clips) + 1, stay + go, use)
         return self._jaws.next_step("clip applier", tube, stations, is_good, purpose)
 
 
-def place_to_close(clips: Sequence[float], stay: int, go: int, span: float) -> float:
-    """Return where the next clip or the division is, mm from the gallbladder, as clips are."""
-    # Those that stay come first, farthest from it; then those that go, then the division.
-    space = min(SPACE_MM, span / (stay + go + 2))
+def place_to_close(
+    clips: Sequence[float], stay: int, go: int, span: float
+) -> tuple[float, Literal["stay", "go", "divide"]]:
+    """Return where the next clip or the division is, mm from the gallbladder, and what it is for.
+
+    Parameters
+    ----------
+    clips
+        Where clips are, mm from the gallbladder.
+    stay, go
+        How many are to stay and to go with it.
+    span
+        mm of the tube.
+
+    Returns
+    -------
+    float, str
+        The clips that stay come first, farthest from it; then those that go, then the division.
+    """
     if len(clips) >= stay + go:
-        between = sorted(clips)[go - 1 : go + 1] if go else [0.0, min(clips)]
-        return 0.5 * (between[0] + between[-1])
+        ends = [0.0, *sorted(clips), span]
+        return 0.5 * (ends[go] + ends[go + 1]), "divide"
+    space = min(SPACE_MM, span / (stay + go + 2))
     places = [space * (each + 1) for each in range(stay + go + 1) if each != go]
     for each in clips:
         places.remove(min(places, key=lambda place: abs(place - each)))
-    return max(places)
+    return max(places), "stay" if max(places) > space * (go + 1) else "go"

@@ -148,7 +148,8 @@ class ScopeLead:
         self._points_at: Structure | None = None
         self._cross = 0.0, 0.0
         self._photographs = False  # whether one is asked for
-        self._guidance: Guidance | None = None
+        # What is asked for next, and of which run and tissue.
+        self._guidance, self._guided = cast(Guidance, None), cast(object, None)
         self._judged: object = None  # of what `_next` was found
         self._judge_at = 0  # the tick in which it is found anew
         self._next = self._marked = cast(NextStep | None, None)
@@ -203,8 +204,8 @@ class ScopeLead:
         shown = state.marks_next and state.figures_visible and state.playback is None
         if exercise is None or exercise.looks_only or run.over or not shown:
             return None
-        if self._guidance is None or self._guidance.tissue is not tissue:
-            self._guidance = Guidance(Safety(tissue))
+        if self._guided != (run, tissue):
+            self._guided, self._guidance = (run, tissue), Guidance(Safety(tissue))
         # What is asked for does not change with each strand that parts.
         now = exercise, tissue.beam, len(tissue.events), len(tissue.marks), self.structures
         due = not 0 < self._judge_at - tissue.ticks <= JUDGED_TICKS
