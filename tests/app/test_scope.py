@@ -797,7 +797,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     assert session.grab(0, 8.0, tissue.tubes.names.index("gallbladder")) is not None
     tissue = session.spatial  # made whole, as a run begins
     # Held it is drawn, by stages, each of which is asked for by a ring and its distance.
-    aside = "Next: draw the gallbladder aside with the left hand's grasper: follow the ring slowly"
+    aside = "Next: draw the gallbladder aside with the left hand's grasper: drag it slowly"
     far = list[float]()
     while (step := asked()).words.startswith(aside):
         to_ring = lead.to_ring

@@ -302,7 +302,7 @@ class Trainee:
         elif "along its tip" in words or "'s open" in words or "as it came, into" in words:
             assert place is not None
             self.straight_to(place)
-        elif "follow the ring" in words or "until its tip" in words:
+        elif "drag it slowly" in words or "until its tip" in words:
             assert place is not None
             if words != before:
                 self._begun = self.tip.copy()

@@ -34,22 +34,23 @@ UNDER = (
     "Next: lead the right hand's open {} under the {}, slowly, until its tip is in the ring or "
     "stops."
 )
+CLOSES = "Next: the right hand's {} closes; wait until its jaws stand still."
 CLOSE = "Next: close the right hand's {} (G)."
 CLOSE_FEW = "Next: close the right hand's {} (G): few strands have parted, a wall lies in its jaws."
 AS_IT_CAME = "Next: lead the right hand's {} back as it came, into the ring."
 BACK = "Next: draw the right hand's {} out of the tissue (wheel back), to the ring."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
 DRAW_ASIDE = (
-    "Next: draw the {} aside with the left hand's grasper: follow the ring slowly for "
-    "{:.0f} mm, {:.0f} in all."
+    "Next: draw the {} aside with the left hand's grasper: drag it slowly into the ring, "
+    "{:.0f} of {:.0f} mm."
 )
 DRAW_OFF = (
-    "Next: draw the {} off the liver with the left hand's grasper: follow the ring slowly for "
-    "{:.0f} mm, {:.0f} in all."
+    "Next: draw the {} off the liver with the left hand's grasper: drag it slowly into the "
+    "ring, {:.0f} of {:.0f} mm."
 )
 LIFT = (
-    "Next: lift the {} with the left hand's grasper: follow the ring slowly for {:.0f} mm, "
-    "{:.0f} in all."
+    "Next: lift the {} with the left hand's grasper: drag it slowly into the ring, {:.0f} of "
+    "{:.0f} mm."
 )
 TO_RING = " towards the ring"
 """Where to it is let back, if that is known."""

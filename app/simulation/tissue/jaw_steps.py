@@ -12,6 +12,7 @@ from app.simulation.exercises.next_step import (
     BACK,
     CLOSE,
     CLOSE_FEW,
+    CLOSES,
     LEAVE,
     OPEN,
     OPENS,
@@ -161,12 +162,11 @@ class JawSteps:
                 self._leaves += 1  # if it lies between them again
         elif closes:
             self._state = "closing"
-        elif (
-            self._state == "closing"
-            and self._tissue.stress_ratio > TAUT
-            and site.beside is not None
-        ):
-            self._state, self._wall = "pinched", self._tissue.most_stressed
+        elif self._state == "closing" and self._tissue.stress_ratio > TAUT:
+            if site.beside is not None:
+                self._state, self._wall = "pinched", self._tissue.most_stressed
+        elif self._state == "closing":  # they have stopped, or part once more
+            self._state = "opening" if opens else "to close"
         elif self._state in {"opening", "open"}:
             through = site.through
             led = through is None or math.dist(hand.place, place + through) < IN_RING_MM
@@ -196,8 +196,9 @@ class JawSteps:
                 return self._step(PINCHED.format(tool, tube_title(self._wall)))
             if self._state == "to leave":
                 return self._step(LEAVE.format(tool, tube_title(self._wall)), self._left)
-            close = CLOSE_FEW if self.fruitless else CLOSE
-            return self._step((OPENS if self._state == "opening" else close).format(tool))
+            moves = {"opening": OPENS, "closing": CLOSES}
+            words = moves.get(self._state, CLOSE_FEW if self.fruitless else CLOSE)
+            return self._step(words.format(tool))
         if self._pressed:
             return self._step(PRESSES.format(tool))
         beside = self._state == "beside"

@@ -60,8 +60,9 @@ _FREE_LINES = (
     "<b>Reset</b> gives a new one. Then try the <b>exercises</b> under <b>Learn</b>.",
 )
 _ANATOMY_LINES = (
-    "<b>Press in the picture</b> and the tip comes under the pointer; <b>drag</b> to lead it. The "
-    "<b>wheel</b>, or two fingers, take it in along its shaft (roll away from you) and out.",
+    "<b>Press in the picture</b> and the tip comes under the pointer; <b>drag</b> it, or what it "
+    "holds. The <b>wheel</b>, or two fingers, take it in along its shaft (roll away from you) and "
+    "out.",
     "The <b>right button</b>, <b>G</b> or <b>Take hold</b> takes hold of the gallbladder, or lets "
     "go: pull it gently. <b>X</b> goes on to the other hand, which parts the loose tissue.",
     "Clear the triangle until <b>two tubes alone</b> run into the gallbladder. Tear nothing. "

@@ -133,8 +133,8 @@ KEYS = (
 ALWAYS = ("Z", "V")
 """Keys that act while a replay is shown, too."""
 TEXT = """\
-**The mouse.** Press in the picture and the tip goes under the pointer; drag to lead it. The
-**wheel** takes it in along its shaft (roll it away from you) and out. The **right button**, or
+**The mouse.** Press in the picture and the tip goes under the pointer; drag it, or what it holds.
+The **wheel** takes it in along its shaft (roll it away from you) and out. The **right button**, or
 **G**, uses the instrument. With a **finger** drag; two fingers spread or pinch to take it in and
 out. Led **by its handle**, as in the theatre, an instrument turns about its trocar: the tip goes
 the other way.
