@@ -97,11 +97,8 @@ def part_the_triangle(trainee: Trainee) -> None:
     trainee.pull(UP, 8.0)
 
 
-MARKED: dict[Structure, tuple[str, float]] = {
-    "cystic duct": ("cystic", 12.0),
-    "cystic artery": ("artery", 18.0),
-}
-"""Where structures are pointed at, mm along a tube."""
+MARKED: dict[Structure, str] = {"cystic duct": "cystic", "cystic artery": "artery"}
+"""The tubes that structures are."""
 
 
 def followed(seed: int, name: str = "first_view", seconds: float = 300.0) -> Trainee:
@@ -117,9 +114,9 @@ def followed(seed: int, name: str = "first_view", seconds: float = 300.0) -> Tra
         step = trainee.lead.next_step
         if run.over or step is None:
             break
-        marked = next((each for each in MARKED if f"mark the {each}" in step.words), None)
-        if marked is not None:
-            trainee.mark(marked, *MARKED[marked])
+        marked = [each for each in MARKED.items() if f"mark the {each[0]}" in step.words]
+        if marked:
+            trainee.mark(*marked[0])
             continue
         again = again + 1 if step.words == asked else 0
         if again % 3 == 0:
@@ -213,8 +210,8 @@ def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
     assert session.run.seconds < 800.0
     assert session.spatial.events == []
     # Two clips stay and one goes on each, and what is between them is divided.
-    trainee.mark("cystic duct", "cystic", 12.0)
-    trainee.mark("cystic artery", "artery", 18.0)
+    trainee.mark("cystic duct", "cystic")
+    trainee.mark("cystic artery", "artery")
     trainee.close("clip applier", "cystic", (8.0, 11.0, 17.0))
     trainee.close("clip applier", "artery", (14.0, 16.0, 21.0))
     trainee.close("scissors", "cystic", (14.0,))

@@ -695,6 +695,24 @@ def test_what_slackens_a_wall_goes_on_while_its_stress_still_rises(lead: ScopeLe
     assert hand.tip == pytest.approx(start - [0.0, 0.0, 3.0], abs=0.05)
 
 
+@pytest.mark.parametrize(("other", "goes_on"), [(0.0, True), (1.5, False)])
+def test_what_is_let_back_onto_the_other_instrument_stops(
+    lead: ScopeLead, other: float, goes_on: bool
+) -> None:
+    """It slackens its own pull, and strains the wall more and more all the same."""
+    session, forces = lead.session, [[0.0, 0.0, -5.0], [0.0, other, 0.0]]
+    assert session.grab(0, 12.0, session.spatial.tubes.names.index("gallbladder")) is not None
+    goal = session.spatial.hands[0].tip + np.array([0.0, 0.0, 8.0])
+    lead.choose(0)
+    lead.advance(1)
+    lead.lead_hand(goal)
+    with patch.object(type(session.spatial), "forces", forces):
+        for stress in (0.66, 0.71, 0.74, 0.77, 0.8):
+            session.spatial.stress_ratio = stress
+            lead.advance(1)
+    assert (lead._goals[0] is not None) is goes_on
+
+
 def test_what_slackens_a_wall_goes_on_where_it_was_stopped_before(lead: ScopeLead) -> None:
     """As where one hand was stopped the same way before the other one strained the wall."""
     taut(lead)
@@ -884,7 +902,8 @@ def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: Scope
     scene._marks = (), None
     assert advance(1)
     lead.choose(1)
-    assert session.spatial.hands[1].instrument == "dissector"
+    assert session.spatial.hands[1].instrument == "right angle", "what is asked for first"
+    lead.choose_instrument(1, "swab")
     lead.choose_next_instrument()
     assert session.spatial.hands[1].instrument == "right angle"
     pass_time(lead, session, 0.5)

@@ -20,6 +20,7 @@ from app.simulation import (
     Session,
     Specimen,
     Structure,
+    pointed_at,
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import NOTCH_MM, ScopeLead
@@ -346,11 +347,16 @@ class Trainee:
         self.send("stop")
         self.wait()
 
-    def mark(self, structure: Structure, tube: str, station: float) -> None:
-        """Choose a structure under Point at, and press it in the picture."""
+    def mark(self, structure: Structure, tube: str) -> None:
+        """Choose a structure under Point at, and press where its tube is seen before all others."""
         self.lead.point(structure)
-        ray = self.at(tube, station) - self.held.camera.tip
-        self.send("point " + " ".join(f"{each:.3f}" for each in ray))
+        tissue, eye = self.session.spatial, self.held.camera.tip
+        number, span = tissue.tubes.names.index(tube), tissue.tubes.network.tubes[tube].span
+        rays = tissue.beam.places_at(np.arange(2.0, span), tube) - eye
+        found = [pointed_at(tissue.beam, eye, each) for each in rays]
+        seen = [ray for ray, at in zip(rays, found, strict=True) if at and at[0] == number]
+        assert seen, f"the {tube} is hidden"
+        self.send("point " + " ".join(f"{each:.3f}" for each in seen[len(seen) // 2]))
         self.wait()
 
     def close(self, instrument: Instrument, tube: str, stations: tuple[float, ...]) -> None:

@@ -68,7 +68,7 @@ EXERCISES: dict[str, ExerciseKind] = {
             "wrong_structure", "mistaken", "clip_wrong_tube", "divided_before_view", "clip_short",
             "bleeding",
         ),
-        ALL_INSTRUMENTS, time_limit_s=1200.0,
+        ALL_INSTRUMENTS, in_hand=("grasper", "right angle"), first_hand=1, time_limit_s=1800.0,
     ),
     "who_is_who": ExerciseKind(
         "Who is who",

@@ -58,6 +58,8 @@ BACK_MM = 6.0
 has parted: as the rest gives way, artery and duct take the pull over."""
 EASED = 0.45
 """Of a wall's break, to which what pulls is slackened once it is over `TAUT`."""
+EASES_MM = 3.0
+"""By which what is held is let back at a time."""
 GRIPPED = 0.85
 """Of the pull at which tissue slips out of a grasper, from which on it is drawn no further."""
 PUSHES_N = 0.1
@@ -298,7 +300,10 @@ class Guidance:
             return NextStep(LET_GO.format(held, STAYS_TAUT.format(wall)), self._strands, hand=LEFT)
         back = self._held_from
         words = SLACKEN.format(held, "" if back is None else TO_RING, 100.0 * EASED, wall)
-        place = None if back is None else three(back)
+        place = None
+        if back is not None:  # a little at a time: what is let back all the way leaves no room
+            path = back - hand.tip
+            place = three(hand.tip + path * min(1.0, EASES_MM / max(math.hypot(*path), 1e-9)))
         return NextStep(words, self._strands, place=place, hand=LEFT)
 
     @property

@@ -54,6 +54,8 @@ INSISTS = 0.03
 """Of a wall's break, how much more than there is at a stop each key or click allows."""
 RISES = 0.003
 """Of a wall's break in a tick, by which what a hand does strains it, whatever its force is."""
+OVER = 0.05
+"""Of a wall's break above the stop, from which on nothing goes on that strains it, pull or not."""
 GIVES_MM = 0.1
 """By which a hand that stops gives way."""
 NOTCH_MM = 1.5
@@ -503,7 +505,9 @@ class ScopeLead:
             path = goal - holder.target
             far = math.sqrt(float((path * path).sum()))
             pushes = float(path @ state.session.spatial.forces[hand]) / max(far, 1e-12)
-            strains, slackens = pushes > LEAST_PUSH_N, pushes < -LEAST_PUSH_N
+            # What slackens its own pull may press the wall on the other instrument.
+            strains_other = rises and stress > self._stops_at + OVER and self._other_pushes(hand)
+            strains, slackens = pushes > LEAST_PUSH_N, pushes < -LEAST_PUSH_N and not strains_other
             before = self._stopped[hand]
             again = before is not None and float(path @ before.path) > 0.0
             if before is not None and again and stress > before.stress + RISES:
@@ -535,6 +539,11 @@ class ScopeLead:
         if ratio < STOPS_AT:
             self._stops_at = STOPS_AT
         return ratio > self._stops_at and self._state.figures_visible
+
+    def _other_pushes(self, hand: int) -> bool:
+        """Return whether another hand pushes or pulls at something."""
+        forces = enumerate(self.session.spatial.forces)
+        return any(math.hypot(*each) > LEAST_PUSH_N for i, each in forces if i != hand)
 
     def _nears_slip(self, hand: int) -> bool:
         """Return whether a hand pulls nearly as hard as it grips: no force is felt here."""
