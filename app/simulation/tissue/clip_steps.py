@@ -39,6 +39,8 @@ LEAST_MM, MOST_MM = 0.5, 10.0
 """From a tear, within which a clip before it is well placed."""
 SPACE_MM, ASIDE_MM = 3.0, (0.0, -0.8, 0.8)
 """Between the places of a structure's clips and its division, and how far off each that may be."""
+NECK_MM = 2.0
+"""By which the first place is further from the gallbladder, whose neck lies in front of a tube."""
 NEAR_MM, APART_MM = 1.5, 0.7
 """mm from its place, up to which jaws are well placed, and from a clip, from which on they are."""
 
@@ -270,7 +272,8 @@ def place_to_close(
         ends = [0.0, *sorted(clips), span]
         return 0.5 * (ends[go] + ends[go + 1]), "divide"
     space = min(SPACE_MM, span / (stay + go + 2))
-    places = [space * (each + 1) for each in range(stay + go + 1) if each != go]
+    first = space + min(NECK_MM, 0.25 * (span - space * (stay + go + 2)))
+    places = [first + space * each for each in range(stay + go + 1) if each != go]
     for each in clips:
         places.remove(min(places, key=lambda place: abs(place - each)))
-    return max(places), "stay" if max(places) > space * (go + 1) else "go"
+    return max(places), "stay" if max(places) > first + space * go else "go"
