@@ -29,7 +29,8 @@ from app.simulation.inputs.hand import GRIP_N, Hand
 from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.parting import PartingPlaces, Site
-from app.simulation.tissue.spatial_tissue import LENGTH, SpatialTissue
+from app.simulation.tissue.passes import JAW_MM
+from app.simulation.tissue.spatial_tissue import SpatialTissue
 
 Floats = NDArray[np.float64]
 Three = tuple[float, float, float]
@@ -56,7 +57,6 @@ FURTHER_MM = 7.0
 """By which a bent tip goes back once more, if it strains a wall as it is drawn out."""
 LEAVES_MM = 4.0
 """By which bent jaws go to the front, deeper or along the tip, to leave a wall."""
-JAW_MM = LENGTH["right angle"]
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 
