@@ -217,6 +217,13 @@ class ScopeLead:
         return self._next
 
     @property
+    def asked_tool(self) -> Instrument | None:
+        """What the next step asks the active hand to take; None where it has that already."""
+        step = self.next_step
+        asked = None if step is None or step.hand != self.hand else step.tool
+        return None if asked == self._state.instrument else asked
+
+    @property
     def turn_left(self) -> float | None:
         """Angle by which the active hand's jaws are to be turned for the next step, rad.
 
@@ -389,12 +396,10 @@ class ScopeLead:
 
     def choose_next_instrument(self) -> None:
         """Give the active hand what the next step asks for, or else the next instrument."""
-        offered, step = self._state.instruments, self.next_step
-        now = self._state.instrument
-        asked = None if step is None or step.hand != self.hand else step.tool
-        if asked is not None and asked != now:
+        if (asked := self.asked_tool) is not None:
             self.choose_instrument(self.hand, asked)
             return
+        offered, now = self._state.instruments, self._state.instrument
         at = offered.index(now) if now in offered else -1
         self.choose_instrument(self.hand, offered[(at + 1) % len(offered)])
 

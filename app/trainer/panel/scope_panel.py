@@ -342,8 +342,8 @@ class ScopePanel:
             return [("Led", "the scope"), ("Tip", "-")]
         name, place = "Tip", "-"
         step, to_ring = self._lead.next_step, self._lead.to_ring
-        if step is not None and step.hand == hand and step.tool not in {None, holder.instrument}:
-            name, place = "To the ring", f"take the {step.tool} (N)"
+        if (asked := self._lead.asked_tool) is not None:
+            name, place = "To the ring", f"take the {asked} (N)"
         elif to_ring is not None:
             moves = _moves(to_ring, holds=holder.node is not None)
             name, place = "To the ring", "in it" if self._lead.in_ring else moves or COMING
