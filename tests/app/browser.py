@@ -254,7 +254,7 @@ class TrainerPage:
         lines = self.page.get_by_test_id("first-minute")
         lines.wait_for()
         # Not `click`: it waits for two pictures alike, which take long in software.
-        start = self.page.get_by_role("dialog").get_by_role("button", name="Start")
+        start = self.page.get_by_role("dialog").get_by_role("button", name="Begin")
         start.dispatch_event("click")
         lines.wait_for(state="detached")
 

@@ -67,7 +67,7 @@ def viewed() -> Session:
     session = begun()
     session.advance(12)
     assert session.run.standing.split("; ") == [
-        "0 of 5 points",
+        "0 of 6 points, 5 asked",
         "two tubes alone, 0 of 2: cystic artery 0 %, cystic duct 0 %, neck 0 %, 90 % asked of each",
         "triangle, 0 of 2: 0 % free, 60 % asked",
         "cystic plate, 0 of 2: 0 % free, 60 % asked",

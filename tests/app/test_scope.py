@@ -852,7 +852,10 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
             presses += 1
         assert presses <= 4  # a right angle in steps of 26 degrees
         assert lead.turn_left == pytest.approx(0.0, abs=0.01)
-    # Right and up under the pointer, and then in by the wheel, it comes into the ring.
+    # Right and up under the pointer, and then in by the wheel, it comes into the ring, and its jaws
+    # turn along the bar.
+    lead.turn(1.0)
+    assert abs(lead.turn_left or 0.0) == pytest.approx(1.0, abs=0.01)
     to_ring = lead.to_ring
     assert to_ring is not None
     lead.nudge(to_ring[0] + 0.6, to_ring[1] - 0.6, 0.0)  # near enough to be led onto the path
@@ -860,6 +863,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     left = lead.to_ring
     assert left is not None
     assert left == pytest.approx((0.0, 0.0, to_ring[2]), abs=0.1)
+    assert lead.turn_left == pytest.approx(0.0, abs=0.02)
     assert not lead.in_ring
     lead.nudge(0.0, 0.0, left[2] - 0.6)
     pass_time(lead, session, 2.0)

@@ -113,7 +113,7 @@ def scope_page(
     with trainer_page(
         browser, calot.address, width=width, height=height, first_minute=True, node="/scope/state"
     ) as tab:
-        expect(tab.page.get_by_role("dialog").get_by_role("button", name="Start")).to_be_focused()
+        expect(tab.page.get_by_role("dialog").get_by_role("button", name="Begin")).to_be_focused()
         tab.start()
         tab.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
         yield ScopePage(tab, _newest(calot, "calot"))
@@ -347,7 +347,7 @@ def test_a_failed_try_names_its_cause_first_stands_still_and_is_begun_anew(
         # What hands do stands below the picture, and none of their errors.
         caption = page.get_by_test_id("caption")
         expect(caption).to_contain_text("The dissector")
-        expect(caption).to_contain_text("0 of 3 points")
+        expect(caption).to_contain_text("0 of 6 points, 3 asked")
         playback = view.state.playback
         assert playback is not None
         tab.choose("Speed", "16×")
@@ -365,7 +365,7 @@ def test_a_failed_try_names_its_cause_first_stands_still_and_is_begun_anew(
         performed(read_script(SCRIPTS / "hasty.toml"), session)
         outcome, dialog = page.get_by_test_id("outcome"), page.get_by_role("dialog")
         expect(outcome).to_contain_text("as the jaws of the dissector opened against it")
-        expect(page.get_by_test_id("standing")).to_contain_text("0 of 3 points; ")
+        expect(page.get_by_test_id("standing")).to_contain_text("0 of 6 points, 3 asked; ")
         first = page.get_by_test_id("error").first
         expect(first.get_by_role("button", name="1. A tube tore")).to_be_visible()
         expect(page.get_by_test_id("next-time")).to_contain_text("Close the jaws, draw back")
@@ -485,7 +485,7 @@ def test_an_exercise_asks_for_what_comes_next_and_counts_its_points(
                 continue
             expect(asks).to_have_text(step.words)
             expect(tab.page.get_by_role("status")).to_contain_text(step.words)
-            expect(state).to_contain_text(f"{counted[-1]} of 3 points")
+            expect(state).to_contain_text(f"{counted[-1]} of 6 points")
             assert tabs.bounding_box() == place
             asked.add(step.words)
             if "take hold" in step.words:

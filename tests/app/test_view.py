@@ -226,7 +226,7 @@ def test_axe_finds_nothing_serious_on_any_tab_or_dialog(
     with trainer_page(browser, trainer.address, first_minute=True) as tab:
         page, dialog = tab.page, tab.page.get_by_role("dialog")
         no_faults(tab, "first minute")
-        expect(dialog.get_by_role("button", name="Start")).to_be_focused()
+        expect(dialog.get_by_role("button", name="Begin")).to_be_focused()
         page.keyboard.press("Escape")
         expect(dialog).to_have_count(0)
         if scene != "free":

@@ -407,9 +407,9 @@ class _Viewing:
 
     def _show(self, checklist: Sequence[str]) -> None:
         asked = self._goal.points
-        points = min(self._points, asked)  # one step may bring two
-        self.progress = (0.5 if self._goal.closes else 1.0) * points / asked
-        self.so_far = f"{points} of {asked} points"
+        # One step may bring two.
+        self.progress = (0.5 if self._goal.closes else 1.0) * min(self._points / asked, 1.0)
+        self.so_far = f"{self._points} of {MOST_POINTS} points, {asked} asked"
         self.standing = "; ".join([self.so_far, *checklist])
 
 

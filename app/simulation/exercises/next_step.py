@@ -7,23 +7,16 @@ from numpy.typing import NDArray
 
 from app.simulation.inputs.inputs import Instrument
 
-Where = Literal["between", "under", "plate", "pass between", "behind"]
+Where = Literal["between", "under", "plate", "behind"]
 PART: dict[Where, str] = {
-    "between": "Next: part the tissue between {} and {}: lead the right hand's {} into the ring, "
-    "jaws (J, L) along its bar.",
-    "pass between": "Next: part the tissue between {} and {}: right hand's {} into the ring, tip "
-    "(J, L) along its bar.",
-    "under": "Next: part the tissue under the {}: lead the right hand's {} into the ring, jaws "
-    "(J, L) along its bar.",
-    "behind": "Next: part the tissue behind the {}: lead the right hand's {} into the ring, tip "
-    "(J, L) along its bar.",
-    "plate": "Next: part the {} from the liver: lead the right hand's {} into the ring, jaws "
-    "(J, L) along its bar.",
+    "between": "Next: part the tissue between {} and {}: lead the right hand's {} into the ring.",
+    "under": "Next: part the tissue under the {}: lead the right hand's {} into the ring.",
+    "behind": "Next: part the tissue behind the {}: lead the right hand's {} into the ring.",
+    "plate": "Next: part the {} from the liver: lead the right hand's {} into the ring.",
 }
 """Where to bring jaws, by where what they part is of the tubes that it holds."""
 PASS: dict[Where, str] = {
-    "pass between": "Next: lead the right hand's {} along its tip between {} and {}, into the "
-    "ring.",
+    "between": "Next: lead the right hand's {} along its tip between {} and {}, into the ring.",
     "behind": "Next: pass the right hand's {} along its tip behind the {}, into the ring.",
 }
 """Where to pass a bent tip then."""

@@ -161,12 +161,14 @@ class PartingPlaces:
     def _passed(self, which: Ints) -> Site:
         """Return where a right angle parts some strands, named by those that are most."""
         to_bed = self._tissue.tubes.strands.to[which] < 0
-        tip, found = self._passes.best(*self._ends(which), to_bed)
+        # What holds an entering tube's end, too, counts for two parts of the view.
+        counts = 1.0 + self._safety.lacking("tubes")[which]
+        tip, found = self._passes.best(*self._ends(which), to_bed, counts)
         near = which[found] if found.any() else which
         group = max(self._groups(near), key=len)
         off = tip.place - self._middles(group)
         nearest = int((off**2).sum(axis=1).argmin())
-        where: Where = "behind" if self._tissue.tubes.strands.to[group[0]] < 0 else "pass between"
+        where: Where = "behind" if self._tissue.tubes.strands.to[group[0]] < 0 else "between"
         anchor, weight = int(group[nearest]), float(near.size)
         return Site(where, group, near, anchor, weight, off[nearest], tip.along, None, tip.beside)
 

@@ -163,16 +163,30 @@ class Passes:
         self._tried = list[tuple[Floats, Floats, float, int]]()
 
     def best(
-        self, ends: Floats, feet: Floats, to_bed: NDArray[np.bool_]
+        self, ends: Floats, feet: Floats, to_bed: NDArray[np.bool_], counts: Floats
     ) -> tuple[Tip, NDArray[np.bool_]]:
-        """Return where most of some strands part, from (S, 3) to (S, 3) mm, and which, (S,)."""
+        """Return where most of some strands part, and which, (S,).
+
+        Parameters
+        ----------
+        ends, feet
+            (S, 3) and (S, 3) mm, from where to where they go.
+        to_bed
+            (S,) whether to the bed.
+        counts
+            (S,) how much each counts.
+
+        Returns
+        -------
+        Tip, ndarray
+        """
         beam, corners = self._tissue.beam, self._safety.corners()
         self._tried = [each for each in self._tried if beam.broken - each[3] < FORGOTTEN]
         tips = [tip_of(each, corners) for each in (*PASSES, *VARIED)]
         # Many part together, whatever they hold.
         part = partial(likelihood, to_bed=to_bed) if len(ends) < MANY else crossed
         weights = [
-            float(part(tip, ends, feet).sum())
+            float((part(tip, ends, feet) * counts).sum())
             * self._again(tip)
             * (1.0 if number < len(PASSES) else VARIED_WEIGHT)
             for number, tip in enumerate(tips)

@@ -33,6 +33,9 @@ STRUCTURE_MM = 6.0
 """Length of each structure, next to the gallbladder, that must be free all round."""
 MARGIN_MM = 2.0
 """mm by which the triangle of the axes is wider."""
+COVERED = 1.0 / 3.0
+"""Of the cystic duct's length, next to the common duct, whose tissue may stay: the view does not
+ask for the common duct to be exposed [Strasberg & Brunt 2010]."""
 HILUM = 0.9
 """Of the common duct's length, where the triangle ends."""
 BIN_MM = 1.0
@@ -94,7 +97,9 @@ class Safety:
             (self.gallbladder, 0.0),
             (self.common, HILUM * tubes[self.common].span),
         )
-        self._triangle = self._inside()
+        span = tubes[self.cystic].span
+        covered = (0.0, COVERED * span) if from_common else ((1.0 - COVERED) * span, span)
+        self._triangle = self._inside() & ~on(self.cystic, *covered)
         self._viewed: tuple[BeamOnBed, int, list[RuptureCheck | None], int] | None = None
         self._view: CriticalView
         self.entering = entering
@@ -193,7 +198,8 @@ class Safety:
             return self._triangle if part == "triangle" else self._plate
         view = self.critical_view()
         masks = [self._about[name] for name, free in view.structures.items() if free < ENOUGH]
-        return np.any([*masks, *([self._neck] if view.neck < ENOUGH else [])], axis=0)
+        neck = self._neck & (view.neck < ENOUGH)
+        return np.any([neck, *masks], axis=0)
 
     def freed_all_round(self) -> dict[str, float]:
         """Return the longest stretch of each structure that nothing holds any more, mm."""

@@ -64,6 +64,8 @@ LEAST_INTO = 0.1
 """Of a pointer's ray, into the plane in which it leads."""
 NEAR_MM = 1.2
 """Off a ring or its path, within which a tip that is led there comes into it."""
+ALIGNS_MM, ALIGNS_RAD_S = 6.0, 2.5
+"""Off a ring's path, within which jaws that are led there turn to its bar; and how fast."""
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
 STOPPED = (
@@ -159,6 +161,7 @@ class ScopeLead:
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
         self._pointer: _Pointer | None = None
+        self._aligns = False  # whether the active hand's jaws turn to the ring's bar
         # Of each hand, how far its jaws go apart or together, mm, or None.
         self._jaws: list[float | None] = [None] * len(state.hands)
         self._crushes = [False] * len(state.hands)  # whether what closing jaws strain waits
@@ -468,6 +471,7 @@ class ScopeLead:
         marked = [at]
         if shaft.any():
             marked.append(at + self._far_along(at, shaft, place) * shaft)
+        self._aligns |= math.dist(marked[-1], place) < ALIGNS_MM
         return next((each for each in marked if math.dist(each, place) < NEAR_MM), place)
 
     def push_handle(self, right: float, up: float, into: float) -> None:
@@ -497,6 +501,8 @@ class ScopeLead:
             self._lead_nothing()
         if state.playback is not None or state.paused or run.closed:
             return
+        if self._aligns:
+            self._align(ALIGNS_RAD_S * TICK_SECONDS * ticks)
         stops, stress = self._nears_break(), state.session.spatial.stress_ratio
         rises, self._stress = stress > self._stress + RISES, stress
         if not stops:
@@ -630,6 +636,14 @@ class ScopeLead:
         step -= float(step @ normal) / float(back @ normal) * back  # as the pointer leads
         self.lead_hand(start + step - away * TROCARS[self.hand].shaft(start))
 
+    def _align(self, most: float) -> None:
+        """Turn the active hand's jaws to the ring's bar, rad at most, while they touch nothing."""
+        left, push = self.turn_left, math.hypot(*self.session.spatial.forces[self.hand])
+        if left is None or abs(left) <= AT_BAR or push > LEAST_PUSH_N:
+            self._aligns = False
+        else:
+            self._turn_jaws(math.copysign(min(abs(left), most), left))
+
     def turn(self, angle: float) -> None:
         """Turn the active hand's jaws about its shaft, or the scope's cable, rad.
 
@@ -638,13 +652,17 @@ class ScopeLead:
         if self.leads_scope:
             self.move_scope(cable=angle)
             return
-        holder = self._state.hands[self.hand]
-        if not self._may_act() or holder.instrument in HOLDING:
+        if not self._may_act() or self._state.hands[self.hand].instrument in HOLDING:
             return
-        shaft, left = TROCARS[self.hand].shaft(holder.place), self.turn_left
+        self._aligns, left = False, self.turn_left
         if left is not None and abs(left) > AT_BAR and left * angle > 0.0:
             # Quickly to the bar, and no further.
             angle = math.copysign(min(abs(left), QUICK_TURNS * abs(angle)), angle)
+        self._turn_jaws(angle)
+
+    def _turn_jaws(self, angle: float) -> None:
+        holder = self._state.hands[self.hand]
+        shaft = TROCARS[self.hand].shaft(holder.place)
         if holder.instrument == "right angle":
             self._bend(self.hand, shaft, _about(np.array(holder.aim), shaft, angle))
         else:
@@ -734,6 +752,7 @@ class ScopeLead:
     def _lead_nothing(self) -> None:
         self._goals = [None] * len(self._goals)
         self._jaws = [None] * len(self._jaws)
+        self._aligns = False
 
     def _may_act(self) -> bool:
         """Return whether the active hand can do something now; tell the client where not."""

@@ -27,8 +27,8 @@ from app.trainer.viser_bridge.private_api import page_number
 
 BEFORE = 1.0
 """s before an error from which its moment is played."""
-MOST_ERRORS = 12
-"""Errors that are told one by one, the most important of a run."""
+MOST_ERRORS, MOST_ALIKE = 12, 3
+"""Errors that are listed one by one, the most important of a run, and of those of one class."""
 MOST_POINTS = 300
 WIDTH, HEIGHT, LEFT, ROW = 260.0, 80.0, 30.0, 15.0
 """px of the picture, of its curve, of the room left of it, and of a hand's row of marks."""
@@ -161,7 +161,7 @@ class Debrief:
     def show(self, done: Done, expert: Done | None = None) -> None:
         """Show a run, with what it is compared with; a series without columns is not yet known."""
         series = done.series
-        incidents = sorted(done.incidents, key=self._importance)[:MOST_ERRORS]
+        incidents = self._listed(done.incidents)
         exercise = self._exercise
         limits = {} if exercise is None else exercise.limit_of
         known = bool(series.columns)
@@ -186,9 +186,14 @@ class Debrief:
                 f"<li data-testid='error' style='margin:0 0 8px'>{buttons}<div>"
                 f"{html.escape(each.sentence)} <small>{html.escape(small)}</small></div></li>"
             )
-        more = len(done.incidents) - MOST_ERRORS
-        if more > 0:
-            rows.append(f"<li>And {more} more, which a replay shows.</li>")
+        more = Counter(ERROR_CLASSES[each.error].title for each in done.incidents)
+        more.subtract(ERROR_CLASSES[each.error].title for each in incidents)
+        if more.total():
+            named = "; ".join(f"{title}, {count}" for title, count in more.most_common() if count)
+            rows.append(
+                f"<li data-testid='more-errors'>And {more.total()} more, which a replay shows: "
+                f"{html.escape(named)}.</li>"
+            )
         errors = (
             f"<ol style='list-style:none;margin:6px 0 0;padding:0;max-height:{LIST_PX}px;"
             f"overflow-y:auto' tabindex='0' aria-label='Errors'>{''.join(rows)}</ol>"
@@ -214,6 +219,15 @@ class Debrief:
         """Remove its commands, once it is closed."""
         for each in self._commands.values():
             each.remove()
+
+    def _listed(self, incidents: Sequence[Incident]) -> list[Incident]:
+        """Return the most important errors, few of one class."""
+        listed, alike = list[Incident](), Counter[str]()
+        for each in sorted(incidents, key=self._importance):
+            if alike[each.error] < MOST_ALIKE:
+                listed.append(each)
+            alike[each.error] += 1
+        return listed[:MOST_ERRORS]
 
     def _importance(self, each: Incident) -> tuple[object, ...]:
         """Return what orders errors: what failed it, then by what came of them, class and time."""

@@ -45,7 +45,7 @@ HOW: dict[Instrument, str] = {
     "dissector": "drag the dissector to the ring; the right button leads it into the picture, "
     "behind the duct; hold O to open its jaws, C to close them",
     "clip applier": "press on the cross, then roll the wheel away from you until the tip is in the "
-    "ring; J and L turn the jaws along its bar; G or the right button clips; B wipes the lens",
+    "ring; G or the right button clips; B wipes the lens",
 }
 """How an instrument is used at a bed, and a clip applier at an anatomy."""
 LEANS_DEG, LEANS_N = 8.0, 0.2

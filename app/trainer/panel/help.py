@@ -63,8 +63,9 @@ _ANATOMY_LINES = (
     "<b>Press in the picture</b> and the tip comes under the pointer; <b>drag</b> it, or what it "
     "holds. The <b>wheel</b>, or two fingers, take it in along its shaft (roll away from you) and "
     "out.",
-    "The <b>right button</b>, <b>G</b> or <b>Take hold</b> takes hold of the gallbladder, or lets "
-    "go: pull it gently. <b>X</b> goes on to the other hand, which parts the loose tissue.",
+    "The <b>right button</b> or <b>G</b> uses it: a grasper takes hold of the gallbladder, to pull "
+    "it gently; jaws part loose tissue. <b>X</b> leads the other hand, <b>N</b> changes what it "
+    "has.",
     "Clear the triangle until <b>two tubes alone</b> run into the gallbladder. Tear nothing. "
     "<b>Reset</b> makes all whole.",
 )
@@ -156,7 +157,7 @@ def show_first_minute(client: viser.ClientHandle, session: Session) -> None:
 
     with dialog(gui, "Blunt-dissection trainer", closed=remember) as close:
         gui.add_html(first_minute(session) + begin_html())
-        on_click(gui.add_button("Start", icon=viser.Icon.HAND_MOVE), close)
+        on_click(gui.add_button("Begin", icon=viser.Icon.HAND_MOVE), close)
 
 
 SEEN = "first-minute"

@@ -316,6 +316,9 @@ class ScopePanel:
         names = self._state.shown.spatial.tubes.names
         if practised:
             rows = [*self._led, *rows]
+        if practised and not hidden and self._state.in_exercise:
+            so_far = self._state.session.run.standing.partition("; ")[0]
+            rows.insert(0, ("So far", html.escape(so_far)))
         if not hidden:
             rows += [("Nicked", each.words(tube_title(names[each.tube]))) for each in reading.nicks]
         if torn:
