@@ -14,9 +14,9 @@ import pytest
 import viser
 from simulated import bed_session, phantom, pull_session
 
-from app.simulation import Incident, Series, Session
+from app.simulation import ERROR_CLASSES, Incident, Series, Session
 from app.trainer.panel.controls import on_work
-from app.trainer.panel.debrief import DIGIT, LEFT, WIDTH, Debrief, Done
+from app.trainer.panel.debrief import DIGIT, LEFT, MOST_ALIKE, WIDTH, Debrief, Done
 from app.trainer.panel.exercise_tab import AWAITED, NONE, ExerciseTab
 from app.trainer.panel.force_box import ForceBox
 from app.trainer.panel.last_seconds import IDLE_SECONDS, SECONDS, LastSeconds
@@ -137,6 +137,27 @@ def test_errors_are_numbered_where_there_is_room_beside_their_marks(gui: viser.G
     for (row, _, high), (other, low, _) in pairwise(sorted(numbers)):
         assert row != other or high <= low
     assert ">1,167</text>" in drawn
+
+
+def test_a_hundred_errors_of_one_class_hide_no_others(gui: viser.GuiApi) -> None:
+    """A few of each class are listed, and how many more there are of which."""
+    play = MagicMock()
+    debrief = Debrief(gui, None, "", {}, play, play, decided=None, in_space=True)
+
+    def made(error: str, at: float) -> Incident:
+        values: Any = {"n": 3.0, "x": 20.0, "name": "cystic duct", "by": ""}
+        return Incident(error, at, at, 0, 0, 20.0, "none", values)
+
+    found = [made("repeated_holds", float(each)) for each in range(100)]
+    found += [made("tear", 40.0), made("tear", 50.0)]
+    metrics: Any = {"time_s": 120.0, "smallest_distance_to_break": 0.5}
+    debrief.show(Done(metrics, found, Series((), ())))
+    drawn = str(debrief._html.content)
+    title = ERROR_CLASSES["repeated_holds"].title
+    assert drawn.count("data-testid='error'") == MOST_ALIKE + 2
+    assert drawn.count(f". {title}, ") == MOST_ALIKE
+    assert f"And 97 more, which a replay shows: {title}, 97." in drawn
+    assert f". {ERROR_CLASSES['tear'].title}, 40.0 s" in drawn
 
 
 def test_a_force_that_a_page_has_set_is_not_set_back_before_it_is_taken(gui: viser.GuiApi) -> None:

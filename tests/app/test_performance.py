@@ -330,6 +330,19 @@ def test_nothing_is_cleared_at_rest_and_all_once_all_has_parted() -> None:
     assert safety.critical_view().total == 0
 
 
+def test_the_triangle_leaves_the_duct_beside_the_common_duct_covered() -> None:
+    """What holds that third of the cystic duct counts for nothing, and what holds the rest does."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    safety, beam = Safety(session.spatial), session.spatial.beam
+    span = beam.network.tubes["cystic"].span
+    beam.break_between(0.0, span / 3.0, "cystic")
+    assert beam.broken > 50
+    assert safety.critical_view().triangle == 0.0
+    assert (beam.damage[safety.lacking("triangle")] < 1.0).all()
+    beam.break_between(span / 3.0, span, "cystic")
+    assert safety.critical_view().triangle > 0.5
+
+
 BAD = {
     "no step": ("", "needs a \\[\\[step\\]\\]|`step`"),
     "unknown field": ('[[step]]\ndo = "wait"\nsecond = 1', "second"),

@@ -859,6 +859,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     to_ring = lead.to_ring
     assert to_ring is not None
     lead.nudge(to_ring[0] + 0.6, to_ring[1] - 0.6, 0.0)  # near enough to be led onto the path
+    lead.turn(-2.0)  # meanwhile keys do nothing
     pass_time(lead, session, 2.0)
     left = lead.to_ring
     assert left is not None

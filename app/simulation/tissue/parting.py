@@ -162,7 +162,7 @@ class PartingPlaces:
         """Return where a right angle parts some strands, named by those that are most."""
         to_bed = self._tissue.tubes.strands.to[which] < 0
         # What holds an entering tube's end, too, counts for two parts of the view.
-        counts = 1.0 + self._safety.lacking("tubes")[which]
+        counts = np.where(self._safety.lacking("tubes")[which], 2.0, 1.0)
         tip, found = self._passes.best(*self._ends(which), to_bed, counts)
         near = which[found] if found.any() else which
         group = max(self._groups(near), key=len)

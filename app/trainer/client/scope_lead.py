@@ -654,7 +654,9 @@ class ScopeLead:
             return
         if not self._may_act() or self._state.hands[self.hand].instrument in HOLDING:
             return
-        self._aligns, left = False, self.turn_left
+        if self._aligns:  # it turns by itself: a key too many would lead past the bar
+            return
+        left = self.turn_left
         if left is not None and abs(left) > AT_BAR and left * angle > 0.0:
             # Quickly to the bar, and no further.
             angle = math.copysign(min(abs(left), QUICK_TURNS * abs(angle)), angle)

@@ -221,10 +221,11 @@ class Debrief:
             each.remove()
 
     def _listed(self, incidents: Sequence[Incident]) -> list[Incident]:
-        """Return the most important errors, few of one class."""
+        """Return the most important errors; few of one class, where not all can be listed."""
         listed, alike = list[Incident](), Counter[str]()
+        most = MOST_ALIKE if len(incidents) > MOST_ERRORS else MOST_ERRORS
         for each in sorted(incidents, key=self._importance):
-            if alike[each.error] < MOST_ALIKE:
+            if alike[each.error] < most:
                 listed.append(each)
             alike[each.error] += 1
         return listed[:MOST_ERRORS]
