@@ -77,12 +77,12 @@ class Safety:
                 (foot == number) & (strands.to_stations >= low) & (strands.to_stations <= high)
             )
 
-        self._about: dict[str, Mask] = {}
-        for name, end in entering.items():
+        def at_end(name: str, end: int, far: float) -> Mask:
+            """Return which strands hold a tube so far, mm, from its first or last end."""
             span = tubes[name].span
-            self._about[name] = (
-                on(name, 0.0, STRUCTURE_MM) if end == 0 else on(name, span - STRUCTURE_MM, span)
-            )
+            return on(name, 0.0, far) if end == 0 else on(name, span - far, span)
+
+        self._about = {name: at_end(name, end, STRUCTURE_MM) for name, end in entering.items()}
         bladder = names.index(self.gallbladder)
         whole = on(self.gallbladder, 0.0, tubes[self.gallbladder].span)
         self._neck = whole & (foot >= 0)
@@ -97,9 +97,8 @@ class Safety:
             (self.gallbladder, 0.0),
             (self.common, HILUM * tubes[self.common].span),
         )
-        span = tubes[self.cystic].span
-        covered = (0.0, COVERED * span) if from_common else ((1.0 - COVERED) * span, span)
-        self._triangle = self._inside() & ~on(self.cystic, *covered)
+        covered = COVERED * tubes[self.cystic].span
+        self._triangle = self._inside() & ~at_end(self.cystic, 0 if from_common else 1, covered)
         self._viewed: tuple[BeamOnBed, int, list[RuptureCheck | None], int] | None = None
         self._view: CriticalView
         self.entering = entering

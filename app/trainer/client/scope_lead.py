@@ -409,7 +409,11 @@ class ScopeLead:
     def lead_hand(self, place: Floats) -> None:
         """Lead the active hand's tip, as it is drawn, to a place, (3,) mm."""
         if self._may_act():
-            place = self._on_path(place) - self._state.hands[self.hand].jaws
+            marked = self._marked_for(place)
+            self._aligns |= any(math.dist(each, place) < ALIGNS_MM for each in marked[-1:])
+            # One eye does not tell depth, and a hand that points is a little off.
+            place = next((each for each in marked if math.dist(each, place) < NEAR_MM), place)
+            place = place - self._state.hands[self.hand].jaws
             self._goals[self.hand] = TROCARS[self.hand].within(place)
 
     @property
@@ -461,18 +465,16 @@ class ScopeLead:
                 under = _meeting(pointer.ray, pointer.normal, place)
                 self._pointer = pointer._replace(under=under, aside=place - under)
 
-    def _on_path(self, place: Floats) -> Floats:
-        """(3,) mm the ring, or the cross on its path, that a place is close to; or the place."""
-        # One eye does not tell depth, and a hand that points is a little off.
+    def _marked_for(self, place: Floats) -> list[Floats]:
+        """(3,) mm each: the active hand's ring, and the cross on its path before a place."""
         ring = self.ring
         if ring is None or ring[9] != self.hand:
-            return place
+            return []
         at, shaft = np.array(ring[:3]), np.array(ring[6:9])
         marked = [at]
         if shaft.any():
             marked.append(at + self._far_along(at, shaft, place) * shaft)
-        self._aligns |= math.dist(marked[-1], place) < ALIGNS_MM
-        return next((each for each in marked if math.dist(each, place) < NEAR_MM), place)
+        return marked
 
     def push_handle(self, right: float, up: float, into: float) -> None:
         """Move the active hand's handle, mm at the tip: across its shaft, and along it.
