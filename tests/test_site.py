@@ -191,6 +191,7 @@ def test_what_tutorials_say_to_press_is_there() -> None:
     folders = (ROOT / "app" / "trainer" / "classroom", ROOT / "app" / "classroom")
     paths = [path for folder in folders for path in folder.iterdir() if path.is_file()]
     paths.append(ROOT / "app" / "simulation" / "exercises" / "exercise_table.py")
+    paths.append(ROOT / "app" / "trainer" / "panel" / "help.py")
     page = "".join(path.read_text() for path in paths)
     assert len(named) > 8
     assert not [each for each in named if each not in page]
