@@ -139,9 +139,9 @@ def obey(session: Session, step: NextStep) -> str:
         else:
             jaws.spread = x, y, z
         return "part"
-    if "along its tip" in step.words or "as it came, into" in step.words:
+    if "along its tip" in step.words:
         jaws.put(place)
-        return "back" if "as it came" in step.words else "pass"
+        return "back" if "back along" in step.words else "pass"
     if "(G): its jaws" in step.words:
         jaws.opening = 10.0
         tissue.beam.detach(np.isin(np.arange(tissue.tubes.strands.count), step.strands))
@@ -220,7 +220,7 @@ def test_jaws_that_part_once_more_are_closed_once_more() -> None:
         if done[-1] == "close" and done.count("close") < 3:
             step = guidance.next_step(exercise, viewed=False)
             assert step is not None
-            assert "as it came" in step.words
+            assert "back along its tip" in step.words
             session.spatial.hands[1].opening = 10.0
     assert [each for each in done if each != "wait"] == [
         "part",

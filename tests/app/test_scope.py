@@ -59,10 +59,12 @@ from app.trainer.client.scope_lead import (
     HOLDS_MM_S,
     JUDGED_TICKS,
     LEAST_PUSH_N,
+    NEXT_SLACKENS,
     NOT_IN_RING,
     NOTCH_MM,
     OFF_MM,
     PUSHED,
+    QUICK_MOVES,
     RISES,
     SPREAD,
     STEADY,
@@ -646,6 +648,22 @@ def taut(lead: ScopeLead) -> None:
     assert STOPS_AT < tissue.stress_ratio < 1.0
 
 
+def test_what_is_stopped_in_an_exercise_is_slackened_by_what_comes_next(lead: ScopeLead) -> None:
+    """The notice names the sentence in the panel, which asks for that within a few ticks."""
+    session, tissue = lead.session, lead.session.spatial
+    session.start_exercise(critical_view("first_view"))
+    taut(lead)
+    lead.choose(0)
+    lead.lead_hand(tissue.hands[0].tip + [0.0, 0.0, 20.0])
+    pass_time(lead, session, 0.5)
+    title, advice = cast(MagicMock, lead._state.client.add_notification).call_args.args
+    assert title == f"Stopped: the {tube_title(tissue.most_stressed)} nears its break"
+    assert advice == NEXT_SLACKENS
+    step = lead.next_step
+    assert step is not None
+    assert "is strained" in step.words
+
+
 def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     """Whoever has a mouse feels no force: a drag is led no further, each click or key a little."""
     taut(lead)
@@ -920,6 +938,17 @@ def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: Scope
     assert after[2] - before[2] == pytest.approx(6.0, abs=0.5)
     pass_time(lead, session, 2.0)
     assert lead.to_ring == pytest.approx(after, abs=0.1)
+    lead.step(0.0, 0.0, -0.5)  # away from the ring, and then by keys to it and no further
+    pass_time(lead, session, 0.5)
+    left = lead.to_ring
+    assert left is not None
+    assert left[2] == pytest.approx(after[2] + 0.5, abs=0.1)
+    for _ in range(math.ceil(left[2] / (0.5 * QUICK_MOVES)) + 2):
+        lead.step(0.0, 0.0, 0.5)
+        pass_time(lead, session, 0.5)
+    left = lead.to_ring
+    assert left is not None
+    assert left[2] == pytest.approx(0.0, abs=0.1)
     lead.choose_next_instrument()
     assert session.spatial.hands[1].instrument != "right angle", "which it has"
     session.start_exercise(critical_view("first_view"))

@@ -300,7 +300,7 @@ class Trainee:
             self.to(place)
         elif "turn the" in words:
             self._turn()
-        elif "along its tip" in words or "'s open" in words or "as it came, into" in words:
+        elif "along its tip" in words or "'s open" in words:
             assert place is not None
             self.straight_to(place)
         elif "drag it slowly" in words or "until its tip" in words:

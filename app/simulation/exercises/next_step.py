@@ -30,7 +30,7 @@ UNDER = (
 CLOSES = "Next: the right hand's {} closes; wait until its jaws stand still."
 CLOSE = "Next: close the right hand's {} (G)."
 CLOSE_FEW = "Next: close the right hand's {} (G): few strands have parted, a wall lies in its jaws."
-AS_IT_CAME = "Next: lead the right hand's {} back as it came, into the ring."
+BACK_ALONG = "Next: lead the right hand's {} back along its tip, into the ring."
 BACK = "Next: draw the right hand's {} out of the tissue (wheel back), to the ring."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
 DRAW_ASIDE = (
@@ -63,7 +63,10 @@ SLACKEN = (
     "Next: let the {} back{} with the left hand until Highest stress is under {:.0f} %: "
     "the {} is strained."
 )
-WITHDRAW = "Next: draw the right hand's {} back a little, as it came: it strains the {}."
+WITHDRAW = "Next: draw the right hand's {} back a little (wheel back): it strains the {}."
+WITHDRAW_ALONG = (
+    "Next: lead the right hand's {} back along its tip, into the ring: it strains the {}."
+)
 PINCHED = "Next: open the right hand's {} again (G): the {} lies between its jaws."
 LEAVE = "Next: lead the right hand's open {} off the {}, into the ring."
 PRESSES = (

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from app.anatomy import tube_title
 from app.simulation.exercises.next_step import (
-    AS_IT_CAME,
     BACK,
+    BACK_ALONG,
     CLOSE,
     CLOSE_FEW,
     CLOSES,
@@ -23,6 +23,7 @@ from app.simulation.exercises.next_step import (
     TURN,
     UNDER,
     WITHDRAW,
+    WITHDRAW_ALONG,
     NextStep,
 )
 from app.simulation.inputs.hand import GRIP_N, Hand
@@ -183,7 +184,7 @@ class JawSteps:
         if self._state == "open" and site.through is not None:
             return self._step(UNDER.format(tool, titles[0]), self._place + site.through)
         if self._state == "closed":
-            return self._step(AS_IT_CAME.format(tool), self._back)
+            return self._step(BACK_ALONG.format(tool), self._back)
         if self.begun:
             if self._state == "to withdraw":
                 shaft = TROCARS[RIGHT].shaft(self._back)
@@ -219,7 +220,7 @@ class JawSteps:
         # front of it still.
         if self._state == "to withdraw":
             self._state, self._further = "closed", self._further + FURTHER_MM
-        return self._step(WITHDRAW.format(self._tool, wall), self._back)
+        return self._step(WITHDRAW_ALONG.format(self._tool, wall), self._back)
 
     @property
     def _left(self) -> Floats:

@@ -68,14 +68,15 @@ ALIGNS_MM, ALIGNS_RAD_S = 6.0, 2.5
 """Off a ring's path, within which jaws that are led there turn to its bar; and how fast."""
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
+INSISTING = "If you go on all the same, each click or key brings it 3 % nearer to its break."
 STOPPED = (
     "Lead the instrument back where it came from, or close its jaws (G). Slacken what the other "
-    "hand pulls (X leads it), and part elsewhere or less deep. If you go on all the same, each "
-    "click or key brings it 3 % nearer to its break."
+    f"hand pulls (X leads it), and part elsewhere or less deep. {INSISTING}"
 )
 JAWS_STOPPED = (
     "It lies in or beside the jaws. Close them (G), lead them further from it, and part there."
 )
+NEXT_SLACKENS = f"Do what the panel asks for as Next: that slackens it. {INSISTING}"
 CLOSED_ON = (
     "A wall lies between the jaws: open them again (G), lead them deeper or less deep, and close "
     "them there."
@@ -96,8 +97,9 @@ COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
 """Instruments whose jaws come open."""
 SUCTION = 15.0
 """ml/s."""
-QUICK_TURNS, AT_BAR = 3.0, 0.02
-"""Times as far that a key turns jaws towards a bar, and rad within which they are there."""
+QUICK_TURNS, AT_BAR, QUICK_MOVES = 3.0, 0.02, 4.0
+"""Times as far that a key turns jaws towards a bar, rad within which they are there, and times as
+far that a key moves a tip towards a ring."""
 STEADY_DEG = 3.0
 STEADY = math.cos(math.radians(STEADY_DEG))
 """Cosine of the angle within which an instrument's shaft is left as it lies in the tissue."""
@@ -586,6 +588,9 @@ class ScopeLead:
         """Tell what was stopped and what to do; by default a wall nears its break."""
         tissue = self.session.spatial
         self._stopped_at = tissue.ticks
+        if self.next_step is not None:
+            self._judge_at = min(self._judge_at, tissue.ticks + USED_TICKS)
+            advice = advice if why else NEXT_SLACKENS
         why = why or f"the {tube_title(tissue.most_stressed)} nears its break"
         self._state.refuse(advice, f"Stopped: {why}")
 
@@ -638,6 +643,12 @@ class ScopeLead:
         step -= float(step @ normal) / float(back @ normal) * back  # as the pointer leads
         self.lead_hand(start + step - away * TROCARS[self.hand].shaft(start))
 
+    def step(self, right: float, up: float, into: float) -> None:
+        """Move as `nudge` does, but a tip several times as far towards its ring, not past it."""
+        left = (0.0, 0.0, 0.0) if self.points_at is not None else self.to_ring or (0.0, 0.0, 0.0)
+        steps = zip((right, up, into), left, strict=True)
+        self.nudge(*(_quicker(step, far, QUICK_MOVES) for step, far in steps))
+
     def _align(self, most: float) -> None:
         """Turn the active hand's jaws to the ring's bar, rad at most, while they touch nothing."""
         left, push = self.turn_left, math.hypot(*self.session.spatial.forces[self.hand])
@@ -660,8 +671,7 @@ class ScopeLead:
             return
         left = self.turn_left
         if left is not None and abs(left) > AT_BAR and left * angle > 0.0:
-            # Quickly to the bar, and no further.
-            angle = math.copysign(min(abs(left), QUICK_TURNS * abs(angle)), angle)
+            angle = _quicker(angle, left, QUICK_TURNS)
         self._turn_jaws(angle)
 
     def _turn_jaws(self, angle: float) -> None:
@@ -814,6 +824,11 @@ def _meeting(ray: Floats, normal: Floats, place: Floats) -> Floats:
     into = -float(way @ normal) / size
     far = float((start - place) @ normal) / max(into, LEAST_INTO)
     return start + way * (far / size)
+
+
+def _quicker(step: float, left: float, times: float) -> float:
+    """Return a step so many times as far, if it leads to where so much is left, but not past."""
+    return math.copysign(min(abs(left), times * abs(step)), step) if step * left > 0.0 else step
 
 
 def _about(vector: Floats, axis: Floats, angle: float) -> Floats:

@@ -80,7 +80,7 @@ SCOPES: dict[ScopeChoice, tuple[str, str]] = {
 DRAWN = "drawn"
 MOST_SEED = 10**6
 STEP = 0.5
-"""mm that a key moves a tip by."""
+"""mm that a key moves a tip by: towards a ring several times as far."""
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
 COMING = "on its way"
@@ -455,12 +455,12 @@ class ScopePanel:
     def _add_keys(self) -> None:
         state, lead = self._state, self._lead
         actions: Mapping[str, Callable[[], object]] = {
-            "Left": lambda: lead.nudge(-STEP, 0, 0),
-            "Right": lambda: lead.nudge(STEP, 0, 0),
-            "Up": lambda: lead.nudge(0, STEP, 0),
-            "Down": lambda: lead.nudge(0, -STEP, 0),
-            "Shift+Up": lambda: lead.nudge(0, 0, STEP),
-            "Shift+Down": lambda: lead.nudge(0, 0, -STEP),
+            "Left": lambda: lead.step(-STEP, 0, 0),
+            "Right": lambda: lead.step(STEP, 0, 0),
+            "Up": lambda: lead.step(0, STEP, 0),
+            "Down": lambda: lead.step(0, -STEP, 0),
+            "Shift+Up": lambda: lead.step(0, 0, STEP),
+            "Shift+Down": lambda: lead.step(0, 0, -STEP),
             "G": lead.use_instrument,
             "O": lambda: lead.open_more(1.0),
             "C": lambda: lead.open_more(-1.0),
