@@ -286,7 +286,7 @@ class Guidance:
         hand, wall = self.tissue.hands[self._strains], tube_title(self.tissue.most_stressed)
         if hand.instrument not in HOLDING:
             if self._jaws is not None:
-                return self._jaws.withdrawn(wall)
+                return self._jaws.withdrawn()
             words = WITHDRAW.format(hand.instrument, wall)
             return NextStep(words, self._strands, hand=RIGHT)
         if hand.node is None:

@@ -54,8 +54,9 @@ TURNED = math.radians(20.0)
 """Off a ring's bar, within which jaws lie along it."""
 LEAST_ACROSS = 0.2
 """Of a direction, across a shaft: along a shaft jaws part nothing, however they are turned."""
-FURTHER_MM = 7.0
-"""By which a bent tip goes back once more, if it strains a wall as it is drawn out."""
+DEEPER_MM, CLEAR_MM = 3.0, 1.5
+"""By which a bent tip that is drawn out and lifts a wall goes deeper again, and then along itself
+beyond that."""
 LEAVES_MM = 4.0
 """By which bent jaws go to the front, deeper or along the tip, to leave a wall."""
 MOVES_MM = 0.2
@@ -79,7 +80,7 @@ class JawSteps:
         self._wall, self._pinched_at = "", np.zeros(3)  # between its jaws; (3,) mm, where
         self._pinched_side = 1.0  # 1 where jaws in front of it are off it, -1 where deeper ones are
         self._leaves = 0  # how often they have been led off it
-        self._further = 0.0  # mm, by which a bent tip goes back more than it came
+        self._clear: Floats | None = None  # (3,) mm, where a bent tip is clear of what it lifted
         self._pressed = False  # whether the tip has pressed too hard here for jaws to part
         self.strained = 0
         """How often a wall was too taut meanwhile."""
@@ -192,7 +193,7 @@ class JawSteps:
                 return self._step(BACK.format(tool), self._back + (OUT_MM + IN_RING_MM) * shaft)
             if self._state == "closing" and self._tissue.stress_ratio > TAUT:
                 # Jaws that close on a wall close once they are drawn off it.
-                return self.withdrawn(tube_title(self._tissue.most_stressed))
+                return self.withdrawn()
             if self._state == "pinched":
                 return self._step(PINCHED.format(tool, tube_title(self._wall)))
             if self._state == "to leave":
@@ -212,15 +213,17 @@ class JawSteps:
             words = PART[site.where].format(*titles, tool)
         return self._step(words, place)._replace(along=three(site.along))
 
-    def withdrawn(self, wall: str) -> NextStep:
+    def withdrawn(self) -> NextStep:
         """Return that the jaws strain a wall, and where they go then."""
+        wall = self._tissue.most_stressed
         if self.site.beside is None or self._state == "to come":
-            return self._step(WITHDRAW.format(self._tool, wall))
+            return self._step(WITHDRAW.format(self._tool, tube_title(wall)))
         # A bent tip that has passed behind something goes back as it came: further, if that lies in
         # front of it still.
         if self._state == "to withdraw":
-            self._state, self._further = "closed", self._further + FURTHER_MM
-        return self._step(WITHDRAW_ALONG.format(self._tool, wall), self._back)
+            self._state, self._clear = "closed", self._clear_of(wall)
+        words = WITHDRAW_ALONG.format(self._tool, tube_title(wall))
+        return self._step(words, self._back)
 
     @property
     def _left(self) -> Floats:
@@ -233,12 +236,27 @@ class JawSteps:
 
     def _side_of(self, wall: str) -> float:
         """Return whether jaws are off a wall that is between them in front of it, 1, or deeper."""
+        hand = self._tissue.hands[RIGHT]
+        nearest, _ = self._nearest(wall)
+        return -1.0 if float(nearest @ TROCARS[RIGHT].shaft(hand.place)) > 0.0 else 1.0
+
+    def _clear_of(self, wall: str) -> Floats:
+        """(3,) mm where the tip is led to be clear of a wall that lies across it."""
+        hand = self._tissue.hands[RIGHT]
+        radius = float(self._tissue.tubes.network.tubes[wall].radius.max())
+        far = self._nearest(wall)[1] + radius + CLEAR_MM
+        shaft = TROCARS[RIGHT].shaft(hand.place)
+        return hand.place - DEEPER_MM * shaft + far * np.array(hand.aim)
+
+    def _nearest(self, wall: str) -> tuple[Floats, float]:
+        """(3,) mm from a bent tip to where a wall's axis is nearest, and how far that is along."""
         hand, beam = self._tissue.hands[RIGHT], self._tissue.beam
         tube = self._tissue.tubes.network.tubes[wall]
         off = beam.places_at(np.arange(0.0, tube.span, 0.5), wall) - hand.place
-        aside = off - np.clip(off @ hand.aim, 0.0, JAW_MM)[:, None] * np.array(hand.aim)
-        nearest = aside[int((aside**2).sum(axis=1).argmin())]
-        return -1.0 if float(nearest @ TROCARS[RIGHT].shaft(hand.place)) > 0.0 else 1.0
+        along = np.clip(off @ hand.aim, 0.0, JAW_MM)
+        aside = off - along[:, None] * np.array(hand.aim)
+        nearest = int((aside**2).sum(axis=1).argmin())
+        return aside[nearest], float(along[nearest])
 
     def _step(self, words: str, place: Floats | None = None) -> NextStep:
         at = None if place is None else three(place)
@@ -257,7 +275,7 @@ class JawSteps:
     @property
     def _back(self) -> Floats:
         """(3,) mm where a bent tip goes back to before it is drawn out."""
-        return self._beside + self._further * self.site.along
+        return self._beside if self._clear is None else self._clear
 
     @property
     def _hand(self) -> Hand | None:
