@@ -45,10 +45,10 @@ from app.simulation import (
     run_json,
     seen_beside,
 )
-from app.simulation.exercises.next_step import PRESSES
+from app.simulation.exercises.next_step import PRESSES, WITHDRAW_ALONG
 from app.simulation.inputs.trocar import DEEPEST, LENGTH
 from app.simulation.tissue.guidance import EASED, STAGE_MM, STAGES
-from app.simulation.tissue.jaw_steps import LEFT_MM, JawSteps
+from app.simulation.tissue.jaw_steps import DEEPER_MM, LEFT_MM, JawSteps
 from app.simulation.tissue.parting import PartingPlaces
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import (
@@ -632,6 +632,44 @@ def critical_view(name: str = "critical_view") -> Exercise:
     exercise = exercise_at(anatomy_named("normal"), name)
     assert exercise is not None
     return exercise
+
+
+def test_a_bent_tip_that_lifts_a_wall_is_led_deeper_and_past_it(lead: ScopeLead) -> None:
+    """Drawn out as it lies, it would take the wall along and strain it more and more."""
+    session, tissue = lead.session, lead.session.spatial
+    session.start_exercise(critical_view())
+    lead.choose_instrument(1, "right angle")
+    safety = Safety(tissue)
+    places = PartingPlaces(safety)
+    site = places.best(safety.critical_view(), "triangle", 5)
+    assert site is not None
+    jaws = JawSteps(tissue, places, site)
+    taut(lead)
+    hand = tissue.hands[1]
+    wall = tissue.most_stressed
+    axis = tissue.beam.places_at(np.arange(8.0, 14.0, 0.5), wall)
+    radius = float(tissue.tubes.network.tubes[wall].radius.max())
+    shaft = TROCARS[1].shaft(axis[6])
+    aim = np.cross(shaft, axis[7] - axis[5])
+    aim /= math.sqrt(float(aim @ aim))
+    # The tip lies behind the wall, which crosses it 5 mm from its end.
+    hand.put(axis[6] - (radius + 1.0) * shaft - 5.0 * aim)
+    hand.aim = tuple(aim.tolist())
+    hand.opening = 10.0
+    jaws.follow()
+    hand.opening = 0.0
+    jaws._state = "to withdraw"
+    step = jaws.withdrawn()
+    assert step.words == WITHDRAW_ALONG.format("right angle", tube_title(wall))
+    assert len(step.words.split()) <= 25
+    move = np.array(step.place) - hand.place
+    assert move @ shaft == pytest.approx(-DEEPER_MM, abs=0.1)
+    assert ((axis - hand.place - move) @ aim).max() < -radius
+    jaws.follow()
+    assert "back along its tip" in jaws.next_step().words
+    hand.put(hand.place + move)
+    jaws.follow()
+    assert "out of the tissue" in jaws.next_step().words
 
 
 def taut(lead: ScopeLead) -> None:
