@@ -692,7 +692,7 @@ def test_what_is_stopped_in_an_exercise_is_slackened_by_what_comes_next(lead: Sc
     session.start_exercise(critical_view("first_view"))
     taut(lead)
     lead.choose(0)
-    lead.lead_hand(tissue.hands[0].tip + [0.0, 0.0, 20.0])
+    lead.lead_hand(tissue.hands[0].tip + np.array([0.0, 0.0, 20.0]))
     pass_time(lead, session, 0.5)
     title, advice = cast(MagicMock, lead._state.client.add_notification).call_args.args
     assert title == f"Stopped: the {tube_title(tissue.most_stressed)} nears its break"
