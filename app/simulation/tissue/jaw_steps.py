@@ -57,8 +57,9 @@ LEAST_ACROSS = 0.2
 DEEPER_MM, CLEAR_MM = 3.0, 1.5
 """By which a bent tip that is drawn out and lifts a wall goes deeper again, and then along itself
 beyond that."""
-LEAVES_MM = 4.0
-"""By which bent jaws go to the front, deeper or along the tip, to leave a wall."""
+LEAVES_MM, LEAVES_FOR = 4.0, 6
+"""By which bent jaws go to the front, deeper or along the tip, to leave a wall; and the judgements
+for which they are asked to while a wall stays strained."""
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 
@@ -80,6 +81,7 @@ class JawSteps:
         self._wall, self._pinched_at = "", np.zeros(3)  # between its jaws; (3,) mm, where
         self._pinched_side = 1.0  # 1 where jaws in front of it are off it, -1 where deeper ones are
         self._leaves = 0  # how often they have been led off it
+        self._in_vain = 0  # judgements meanwhile at which a wall was strained
         self._clear: Floats | None = None  # (3,) mm, where a bent tip is clear of what it lifted
         self._pressed = False  # whether the tip has pressed too hard here for jaws to part
         self.strained = 0
@@ -158,7 +160,9 @@ class JawSteps:
             self._pinched_side = self._side_of(self._wall)
         elif self._state == "to leave":
             if self._tissue.stress_ratio > TAUT:
-                self._leaves += 1
+                # A ring that moved at once could not be followed.
+                self._in_vain += 1
+                self._leaves += self._in_vain % LEAVES_FOR == 0
             elif not opens and math.dist(hand.place, self._left) < IN_RING_MM:
                 self._state = "to close"
                 self._leaves += 1  # if it lies between them again
