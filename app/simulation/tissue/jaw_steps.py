@@ -79,6 +79,7 @@ class JawSteps:
         self._opening = 0.0  # mm, at the last judgement
         self._broken = tissue.beam.broken
         self._wall, self._pinched_at = "", np.zeros(3)  # between its jaws; (3,) mm, where
+        self._pinched_far = 0.0  # mm, by which the tip goes back to be off it
         self._pinched_side = 1.0  # 1 where jaws in front of it are off it, -1 where deeper ones are
         self._leaves = 0  # how often they have been led off it
         self._in_vain = 0  # judgements meanwhile at which a wall was strained
@@ -158,6 +159,7 @@ class JawSteps:
         elif self._state == "pinched" and opens:
             self._state, self._pinched_at = "to leave", hand.place.copy()
             self._pinched_side = self._side_of(self._wall)
+            self._pinched_far = self._far_off(self._wall)
         elif self._state == "to leave":
             if self._tissue.stress_ratio > TAUT:
                 # A ring that moved at once could not be followed.
@@ -234,9 +236,10 @@ class JawSteps:
         """(3,) mm where jaws are off the wall that was between them."""
         # To the side where it is not, along the tip or to the other side, in turn: none is off
         # every wall.
-        off = self._pinched_side * TROCARS[RIGHT].shaft(self._pinched_at)
-        moves = off, -np.array(self._tissue.hands[RIGHT].aim), -off
-        return self._pinched_at + LEAVES_MM * moves[self._leaves % len(moves)]
+        off = LEAVES_MM * self._pinched_side * TROCARS[RIGHT].shaft(self._pinched_at)
+        aim = np.array(self._tissue.hands[RIGHT].aim)
+        moves = self._pinched_far * aim, off, -LEAVES_MM * aim, -off
+        return self._pinched_at + moves[self._leaves % len(moves)]
 
     def _side_of(self, wall: str) -> float:
         """Return whether jaws are off a wall that is between them in front of it, 1, or deeper."""
@@ -247,10 +250,13 @@ class JawSteps:
     def _clear_of(self, wall: str) -> Floats:
         """(3,) mm where the tip is led to be clear of a wall that lies across it."""
         hand = self._tissue.hands[RIGHT]
-        radius = float(self._tissue.tubes.network.tubes[wall].radius.max())
-        far = self._nearest(wall)[1] + radius + CLEAR_MM
         shaft = TROCARS[RIGHT].shaft(hand.place)
-        return hand.place - DEEPER_MM * shaft + far * np.array(hand.aim)
+        return hand.place - DEEPER_MM * shaft + self._far_off(wall) * np.array(hand.aim)
+
+    def _far_off(self, wall: str) -> float:
+        """How far back along a bent tip its end is clear of a wall, mm."""
+        radius = float(self._tissue.tubes.network.tubes[wall].radius.max())
+        return self._nearest(wall)[1] + radius + CLEAR_MM
 
     def _nearest(self, wall: str) -> tuple[Floats, float]:
         """(3,) mm from a bent tip to where a wall's axis is nearest, and how far that is along."""
