@@ -987,6 +987,25 @@ def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: Scope
     left = lead.to_ring
     assert left is not None
     assert left[2] == pytest.approx(0.0, abs=0.1)
+    # So does the wheel, whose notches count for more where they follow quickly, until it is there.
+    lead.wheel(-10.0)
+    pass_time(lead, session, 2.0)
+    assert lead.ring is not None
+    ring = np.array(lead.ring[:3])
+    lead.lead_hand(ring + 15.0 * TROCARS[1].shaft(ring))
+    pass_time(lead, session, 2.0)
+    for _ in range(8):
+        lead.wheel(3.0)
+    pass_time(lead, session, 2.0)
+    hand = session.spatial.hands[1]
+    assert hand.tip == pytest.approx(ring, abs=0.5)
+    before = lead.to_ring
+    assert before is not None
+    lead.wheel(-2.0)
+    after = lead.to_ring
+    assert after is not None
+    assert after[2] - before[2] == pytest.approx(2.0 * NOTCH_MM, abs=0.5)
+    pass_time(lead, session, 1.0)
     lead.choose_next_instrument()
     assert session.spatial.hands[1].instrument != "right angle", "which it has"
     session.start_exercise(critical_view("first_view"))

@@ -62,8 +62,9 @@ NOTCH_MM = 1.5
 """Along a shaft, that a notch of the wheel leads."""
 LEAST_INTO = 0.1
 """Of a pointer's ray, into the plane in which it leads."""
-NEAR_MM = 1.2
-"""Off a ring or its path, within which a tip that is led there comes into it."""
+NEAR_MM, THERE_MM = 1.2, 0.1
+"""Off a ring or its path, within which a tip that is led there comes into it; and off the ring,
+within which the wheel stops until the tip has come there."""
 ALIGNS_MM, ALIGNS_RAD_S = 6.0, 2.5
 """Off a ring's path, within which jaws that are led there turn to its bar; and how fast."""
 LEAST_PUSH_N = 0.1
@@ -459,13 +460,22 @@ class ScopeLead:
             self.move_scope(depth=into)
         elif self.by_handle:
             self.push_handle(0.0, 0.0, into)
-        else:
+        elif into := self._to_ring_at_most(into):
             start, pointer = self._led_to, self._pointer
             place = start - into * TROCARS[self.hand].shaft(start)
             self.lead_hand(place)
             if pointer is not None and pointer.hand == self.hand:  # which goes on from there
                 under = _meeting(pointer.ray, pointer.normal, place)
                 self._pointer = pointer._replace(under=under, aside=place - under)
+
+    def _to_ring_at_most(self, into: float) -> float:
+        """Return how far in a tip on a ring's path is led: not past the ring before it is there."""
+        right, up, left = self.to_ring or (math.inf, math.inf, 0.0)
+        if math.hypot(right, up) > IN_RING_MM:
+            return into
+        if abs(left) < THERE_MM:
+            return into if self._goals[self.hand] is None else 0.0
+        return math.copysign(min(abs(left), abs(into)), into) if left * into > 0.0 else into
 
     def _marked_for(self, place: Floats) -> list[Floats]:
         """(3,) mm each: the active hand's ring, and the cross on its path before a place."""

@@ -84,8 +84,9 @@ STEP = 0.5
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
 COMING = "on its way"
-LEAST_MM, CROSS_MM = 0.75, 2.0
-"""mm off a ring that are worth a move, and in front of it, from which on its path has a cross."""
+LEAST_MM, CROSS_MM, FAR_OUT_MM = 0.75, 2.0, 6.0
+"""mm off a ring that are worth a move; in front of it, from which on its path has a cross; and
+behind it, from which on one comes out before one goes aside."""
 MARKS = "Mark what is next"
 MARKED = "In exercises: a sentence, a ring where to, and a dot on each strand"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
@@ -496,8 +497,8 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool) -> str:
     wheel = notches and f"{number} notch{'es' * (number != '1')} {direction}"
     if holds:
         return ", then ".join(filter(None, (aside and f"drag {aside} mm", wheel)))
-    # Out comes first, and in last: one goes aside in front of the tissue.
-    if into < -LEAST_MM or math.hypot(right, up) <= LEAST_MM:
+    # Far out comes first, and in last: one goes aside in front of the tissue.
+    if into < -FAR_OUT_MM or math.hypot(right, up) <= LEAST_MM:
         return wheel
     mark = "cross" if into > CROSS_MM else "ring"
     return ", ".join(filter(None, (f"{mark} {aside} mm", wheel)))
