@@ -97,3 +97,4 @@ class NextStep(NamedTuple):
     place: tuple[float, float, float] | None = None  # mm, where to the hand's tip is led
     hand: int | None = None  # that does it; None for either
     tool: Instrument | None = None  # that it takes; None for what it has
+    through: bool = False  # whether the tip is led there through tissue, and not in front of it

@@ -189,9 +189,9 @@ class JawSteps:
         numbers: list[int] = [int(ends.tubes[site.anchor]), int(ends.to[site.anchor])]
         titles = [tube_title(names[each]) for each in numbers if each >= 0]
         if self._state == "open" and site.through is not None:
-            return self._step(UNDER.format(tool, titles[0]), self._place + site.through)
+            return self._through(UNDER.format(tool, titles[0]), self._place + site.through)
         if self._state == "closed":
-            return self._step(BACK_ALONG.format(tool), self._back)
+            return self._through(BACK_ALONG.format(tool), self._back)
         if self.begun:
             if self._state == "to withdraw":
                 shaft = TROCARS[RIGHT].shaft(self._back)
@@ -203,7 +203,7 @@ class JawSteps:
             if self._state == "pinched":
                 return self._step(PINCHED.format(tool, tube_title(self._wall)))
             if self._state == "to leave":
-                return self._step(LEAVE.format(tool, tube_title(self._wall)), self._left)
+                return self._through(LEAVE.format(tool, tube_title(self._wall)), self._left)
             moves = {"opening": OPENS, "closing": CLOSES}
             words = moves.get(self._state, CLOSE_FEW if self.fruitless else CLOSE)
             return self._step(words.format(tool))
@@ -217,7 +217,8 @@ class JawSteps:
             words = PASS[site.where].format(tool, *titles)
         else:
             words = PART[site.where].format(*titles, tool)
-        return self._step(words, place)._replace(along=three(site.along))
+        step = self._step(words, place)
+        return step._replace(along=three(site.along), through=beside)
 
     def withdrawn(self) -> NextStep:
         """Return that the jaws strain a wall, and where they go then."""
@@ -228,8 +229,7 @@ class JawSteps:
         # front of it still.
         if self._state == "to withdraw":
             self._state, self._clear = "closed", self._clear_of(wall)
-        words = WITHDRAW_ALONG.format(self._tool, tube_title(wall))
-        return self._step(words, self._back)
+        return self._through(WITHDRAW_ALONG.format(self._tool, tube_title(wall)), self._back)
 
     @property
     def _left(self) -> Floats:
@@ -267,6 +267,9 @@ class JawSteps:
         aside = off - along[:, None] * np.array(hand.aim)
         nearest = int((aside**2).sum(axis=1).argmin())
         return aside[nearest], float(along[nearest])
+
+    def _through(self, words: str, place: Floats) -> NextStep:
+        return self._step(words, place)._replace(through=True)
 
     def _step(self, words: str, place: Floats | None = None) -> NextStep:
         at = None if place is None else three(place)

@@ -83,10 +83,11 @@ STEP = 0.5
 """mm that a key moves a tip by: towards a ring several times as far."""
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
-COMING = "on its way"
-LEAST_MM, CROSS_MM, FAR_OUT_MM = 0.75, 2.0, 6.0
-"""mm off a ring that are worth a move; in front of it, from which on its path has a cross; and
-behind it, from which on one comes out before one goes aside."""
+COMING, OUT_FIRST = "on its way", "out of the tissue first"
+LEAST_MM, CROSS_MM, FAR_OUT_MM, DRAWS_ASIDE_MM = 0.75, 2.0, 6.0, 6.0
+"""mm off a ring that are worth a move; in front of it, from which on its path has a cross; behind
+it, from which on one comes out before one goes aside; and to the side, that in tissue would draw
+that along."""
 MARKS = "Mark what is next"
 MARKED = "In exercises: a sentence, a ring where to, and a dot on each strand"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
@@ -345,11 +346,13 @@ class ScopePanel:
         if self._lead.leads_scope:
             return [("Led", "the scope"), ("Tip", "-")]
         name, place = "Tip", "-"
+        touched = 0 if holder.instrument in HOLDING else tissue.touched(hand)
         step, to_ring = self._lead.next_step, self._lead.to_ring
         if (asked := self._lead.asked_tool) is not None:
             name, place = "To the ring", f"take the {asked} (N)"
         elif to_ring is not None:
-            moves = _moves(to_ring, holds=holder.node is not None)
+            in_tissue = touched > 0 and step is not None and not step.through
+            moves = _moves(to_ring, holds=holder.node is not None, in_tissue=in_tissue)
             name, place = "To the ring", "in it" if self._lead.in_ring else moves or COMING
         elif step is not None and step.hand is not None and step.hand != hand:
             name, place = "To the ring", f"lead the {HANDS[step.hand].lower()} (X)"
@@ -362,7 +365,6 @@ class ScopePanel:
             wall = tube_title(tissue.tubes.names[tube])
             place = f"{max(far, 0.0):.0f} mm {side} the {wall}"
         led = f"{HANDS[hand].lower()}, {holder.instrument}"
-        touched = 0 if holder.instrument in HOLDING else tissue.touched(hand)
         if touched and self._state.figures_visible:
             led = f"{led}, {touched} strand{'s' * (touched > 1)}"
         grip = tissue.grip_ratio(hand)
@@ -483,9 +485,11 @@ class ScopePanel:
         add_keys(state, KEYS, actions, ALWAYS)
 
 
-def _moves(to_ring: tuple[float, float, float], *, holds: bool) -> str:
+def _moves(to_ring: tuple[float, float, float], *, holds: bool, in_tissue: bool) -> str:
     """Return how to move a tip right, up and in, mm, in words: in and out in notches."""
     right, up, into = to_ring
+    if in_tissue and math.hypot(right, up) > DRAWS_ASIDE_MM:
+        return OUT_FIRST
     names = ("right", "left"), ("up", "down"), ("in", "out")
     numbers = right, up, into / NOTCH_MM
     across, along, notches = (
