@@ -79,6 +79,21 @@ def viewed() -> Session:
     return session
 
 
+@pytest.mark.parametrize(
+    ("free", "points", "words"),
+    [
+        (0.599, 0, "59 % free, 60 % asked"),
+        (0.6, 1, "60 % free, 90 % asked for 2 points"),
+        (0.899, 1, "89 % free, 90 % asked for 2 points"),
+        (0.9, 2, "90 % free, 90 % asked for 2 points"),
+    ],
+)
+def test_what_lacks_a_little_is_not_said_to_be_there(free: float, points: int, words: str) -> None:
+    """Rounded up it would say that all is there that is asked, and no point comes."""
+    view = View(0, points, 0, {}, 0.0, free, 0.0, ())
+    assert view.checklist()[1].endswith(f"triangle, {points} of 2: {words}")
+
+
 def test_once_the_view_is_reached_structures_are_marked_as_what_they_are() -> None:
     session = viewed()
     run, names = session.run, session.spatial.tubes.names

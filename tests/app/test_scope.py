@@ -74,6 +74,7 @@ from app.trainer.client.scope_lead import (
     Stop,
 )
 from app.trainer.client.workers import Workers
+from app.trainer.panel.scope_panel import _moves
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Frame, Packing, Well
@@ -1035,6 +1036,26 @@ def test_any_tube_s_tear_ends_and_is_told(lead: ScopeLead) -> None:
     assert "tear" in {each.kind for each in session.spatial.events}
     assert session.spatial.tears[0] is None
     assert session.reading().phase is Phase.TORN
+
+
+@pytest.mark.parametrize(
+    ("to_ring", "holds", "in_tissue", "words"),
+    [
+        ((-4.0, 2.0, 18.0), False, False, "cross 4 left, 2 up mm, 12 notches in"),
+        ((4.0, 2.0, -3.0), False, False, "ring 4 right, 2 up mm, 2 notches out"),
+        ((4.0, 2.0, -9.0), False, False, "6 notches out"),
+        ((4.0, 2.0, -3.0), False, True, "ring 4 right, 2 up mm, 2 notches out"),
+        ((14.0, -2.0, 1.5), False, True, "out of the tissue first (wheel back)"),
+        ((14.0, -2.0, 1.5), False, False, "ring 14 right, 2 down mm, 1 notch in"),
+        ((0.3, 0.2, 1.5), False, True, "1 notch in"),
+        ((14.0, -2.0, 1.5), True, False, "drag 14 right, 2 down mm, then 1 notch in"),
+    ],
+)
+def test_how_a_tip_comes_to_its_ring_is_said_in_order(
+    to_ring: tuple[float, float, float], holds: bool, in_tissue: bool, words: str
+) -> None:
+    """Far out comes first, then aside in front of the tissue, and in last."""
+    assert _moves(to_ring, holds=holds, in_tissue=in_tissue) == words
 
 
 def test_led_by_its_handle_the_tip_goes_the_other_way(lead: ScopeLead) -> None:

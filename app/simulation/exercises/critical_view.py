@@ -1,5 +1,6 @@
 """The critical view of safety and a tented duct, as `Safety` finds them (docs/anatomy-file.md)."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -88,11 +89,13 @@ def _line(what: str, points: int, is_free: str) -> str:
 
 def _free(fraction: float) -> str:
     asked = SOME if fraction < SOME else ENOUGH
-    return f"{_percent(fraction)} free, {_percent(asked)} asked"
+    both = f" for {MOST_POINTS // 3} points" if asked == ENOUGH else ""
+    return f"{_percent(fraction)} free, {_percent(asked)} asked{both}"
 
 
 def _percent(fraction: float) -> str:
-    return f"{100.0 * fraction:.0f} %"
+    # Rounded down: what is lacking by a little is not yet there.
+    return f"{math.floor(100.0 * fraction + 1e-9)} %"
 
 
 class Closing(NamedTuple):

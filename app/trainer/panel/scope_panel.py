@@ -83,7 +83,7 @@ STEP = 0.5
 """mm that a key moves a tip by: towards a ring several times as far."""
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
-COMING, OUT_FIRST = "on its way", "out of the tissue first"
+COMING, OUT_FIRST = "on its way", "out of the tissue first (wheel back)"
 LEAST_MM, CROSS_MM, FAR_OUT_MM, DRAWS_ASIDE_MM = 0.75, 2.0, 6.0, 6.0
 """mm off a ring that are worth a move; in front of it, from which on its path has a cross; behind
 it, from which on one comes out before one goes aside; and to the side, that in tissue would draw
