@@ -98,3 +98,8 @@ class NextStep(NamedTuple):
     hand: int | None = None  # that does it; None for either
     tool: Instrument | None = None  # that it takes; None for what it has
     through: bool = False  # whether the tip is led there through tissue, and not in front of it
+
+    @property
+    def leads(self) -> bool:
+        """Whether a tip is still to be led into the ring."""
+        return "into the ring" in self.words

@@ -353,7 +353,9 @@ class ScopePanel:
         elif to_ring is not None:
             in_tissue = touched > 0 and step is not None and not step.through
             moves = _moves(to_ring, holds=holder.node is not None, in_tissue=in_tissue)
-            name, place = "To the ring", "in it" if self._lead.in_ring else moves or COMING
+            if self._lead.in_ring and not (moves and step is not None and step.leads):
+                moves = "in it"
+            name, place = "To the ring", moves or COMING
         elif step is not None and step.hand is not None and step.hand != hand:
             name, place = "To the ring", f"lead the {HANDS[step.hand].lower()} (X)"
         elif holder.node is not None:
