@@ -2,6 +2,7 @@
 varying vec3 vAlong;
 varying vec2 vOn;
 varying float vRim, vOnto;
+varying vec2 vSide;
 varying vec4 vGap;
 uniform vec3 uColor, uDeep;
 uniform vec4 uOnto;
@@ -10,6 +11,8 @@ uniform vec2 uCoat;     // loose fibres, and fat
 uniform vec4 uWell[4];  // where blood flows out: place, and mm^3/s; below zero: bile
 void main() {
   if (outside()) { gl_FragColor = vec4(0.0, 0.0, 0.0, 1.0); return; }
+  // Nothing spans the gap between torn ends.
+  if (min(abs(vSide.x), abs(vSide.y)) < 0.999) discard;
   vec4 f = field(vPlace);
   vec3 n = normalize(vNormal);
   if (!gl_FrontFacing) n = -n;

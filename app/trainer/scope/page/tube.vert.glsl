@@ -9,6 +9,7 @@ varying vec3 vPlace, vNormal, vAlong;
 varying vec2 vOn;
 uniform vec4 uNick[2];  // walls torn part of the way: place, angle, depth (0: none), half-width
 varying float vRim;  // elements to a torn end
+varying vec2 vSide;  // of each torn element: -1 before it, 1 beyond it
 uniform vec4 uOnto;  // colour of the tube that it goes on as, and its element there
 varying float vOnto;
 varying vec4 vGap;  // of both nicks: across and along them, 1 at the edge of what is open
@@ -16,10 +17,12 @@ vec4 node(float i, float row) { return texelFetch(uNodes, ivec2(int(uFirst + i),
 void main() {
   float s = place.x, low = 0.0, high = uCount - 1.0;
   vRim = 99.0;
+  vSide = vec2(1.0);
   for (int k = 0; k < 2; k++) {
     float e = k == 0 ? uTorn.x : uTorn.y;
     if (e < 0.0) continue;
     float middle = e + 0.5;
+    if (s < middle) { if (k == 0) vSide.x = -1.0; else vSide.y = -1.0; }
     if (s < middle) { high = min(high, e + 0.38); vRim = min(vRim, e + 0.38 - s); }
     else { low = max(low, e + 0.62); vRim = min(vRim, s - e - 0.62); }
   }
