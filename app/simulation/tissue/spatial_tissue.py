@@ -128,7 +128,7 @@ BIN_MM, FREED_FRACTION = 1.0, 0.95
 STILL_MM = 1e-6
 # Of a wall's strength: a stress that leaps by more in a tick is no equilibrium's, as where a vessel
 # slips off closing jaws: one Newton step a ms overshoots. It counts if the next tick has it too.
-LEAP = 0.25
+LEAP = 0.5
 # Tissue that relaxes does so for minutes: it is left as it is once no node moves farther, and its
 # stress changes by no more of the strength.
 RELAXED_MM, RELAXED_FRACTION = 1e-5, 1e-6
