@@ -28,6 +28,7 @@ from app.simulation import (
     Dissection,
     Exercise,
     Feedback,
+    Instrument,
     NextStep,
     Phase,
     Replay,
@@ -601,17 +602,24 @@ def test_jaws_push_no_harder_than_a_grasper_holds(lead: ScopeLead) -> None:
     assert advice == PUSHED
 
 
-def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None:
-    """Else opening them is asked for again and again, which the trainer stops each time."""
-    session, tissue = lead.session, lead.session.spatial
-    session.start_exercise(critical_view())
-    lead.choose_instrument(1, "dissector")
+def asked_jaws(lead: ScopeLead, instrument: Instrument, points: int) -> tuple[JawSteps, np.ndarray]:
+    """Give the right hand what parts the triangle; its steps, and (3,) mm where it is asked for."""
+    tissue = lead.session.spatial
+    lead.session.start_exercise(critical_view())
+    lead.choose_instrument(1, instrument)
     safety = Safety(tissue)
     places = PartingPlaces(safety)
-    site = places.best(safety.critical_view(), "triangle", 3)
+    site = places.best(safety.critical_view(), "triangle", points)
     assert site is not None
-    jaws, hand = JawSteps(tissue, places, site), tissue.hands[1]
-    hand.put(places.place_of(site))
+    return JawSteps(tissue, places, site), places.place_of(site)
+
+
+def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None:
+    """Else opening them is asked for again and again, which the trainer stops each time."""
+    tissue = lead.session.spatial
+    jaws, place = asked_jaws(lead, "dissector", 3)
+    hand, site = tissue.hands[1], jaws.site
+    hand.put(place)
     shaft = TROCARS[1].shaft(hand.place)
     across = site.along - float(site.along @ shaft) * shaft
     hand.aim, hand.spread = tuple(shaft.tolist()), tuple(across.tolist())
@@ -637,14 +645,8 @@ def critical_view(name: str = "critical_view") -> Exercise:
 
 def test_a_bent_tip_that_lifts_a_wall_is_led_deeper_and_past_it(lead: ScopeLead) -> None:
     """Drawn out as it lies, it would take the wall along and strain it more and more."""
-    session, tissue = lead.session, lead.session.spatial
-    session.start_exercise(critical_view())
-    lead.choose_instrument(1, "right angle")
-    safety = Safety(tissue)
-    places = PartingPlaces(safety)
-    site = places.best(safety.critical_view(), "triangle", 5)
-    assert site is not None
-    jaws = JawSteps(tissue, places, site)
+    tissue = lead.session.spatial
+    jaws, _ = asked_jaws(lead, "right angle", 5)
     taut(lead)
     hand = tissue.hands[1]
     wall = tissue.most_stressed

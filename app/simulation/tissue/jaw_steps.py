@@ -58,8 +58,8 @@ DEEPER_MM, CLEAR_MM = 3.0, 1.5
 """By which a bent tip that is drawn out and lifts a wall goes deeper again, and then along itself
 beyond that."""
 LEAVES_MM, LEAVES_FOR = 4.0, 6
-"""By which bent jaws go to the front, deeper or along the tip, to leave a wall; and the judgements
-for which they are asked to while a wall stays strained."""
+"""By which bent jaws go to the front, deeper or on along the tip, to leave a wall; and the
+judgements for which they are asked to while a wall stays strained."""
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 
@@ -225,7 +225,7 @@ class JawSteps:
         wall = self._tissue.most_stressed
         if self.site.beside is None or self._state == "to come":
             return self._step(WITHDRAW.format(self._tool, tube_title(wall)))
-        # A bent tip that has passed behind something goes back as it came: further, if that lies in
+        # A bent tip that has passed behind something goes back along itself, past what lies in
         # front of it still.
         if self._state == "to withdraw":
             self._state, self._clear = "closed", self._clear_of(wall)
@@ -234,8 +234,8 @@ class JawSteps:
     @property
     def _left(self) -> Floats:
         """(3,) mm where jaws are off the wall that was between them."""
-        # To the side where it is not, along the tip or to the other side, in turn: none is off
-        # every wall.
+        # Back along the tip past it, to the side where it is not, on along the tip or to the other
+        # side, in turn: none is off every wall.
         off = LEAVES_MM * self._pinched_side * TROCARS[RIGHT].shaft(self._pinched_at)
         aim = np.array(self._tissue.hands[RIGHT].aim)
         moves = self._pinched_far * aim, off, -LEAVES_MM * aim, -off

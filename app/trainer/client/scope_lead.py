@@ -475,7 +475,7 @@ class ScopeLead:
             return into
         if abs(left) < THERE_MM:
             return into if self._goals[self.hand] is None else 0.0
-        return math.copysign(min(abs(left), abs(into)), into) if left * into > 0.0 else into
+        return _quicker(into, left, 1.0)
 
     def _marked_for(self, place: Floats) -> list[Floats]:
         """(3,) mm each: the active hand's ring, and the cross on its path before a place."""
@@ -655,8 +655,8 @@ class ScopeLead:
 
     def step(self, right: float, up: float, into: float) -> None:
         """Move as `nudge` does, but a tip several times as far towards its ring, not past it."""
-        left = (0.0, 0.0, 0.0) if self.points_at is not None else self.to_ring or (0.0, 0.0, 0.0)
-        steps = zip((right, up, into), left, strict=True)
+        to_ring = self.to_ring if self.points_at is None else None
+        steps = zip((right, up, into), to_ring or (0.0, 0.0, 0.0), strict=True)
         self.nudge(*(_quicker(step, far, QUICK_MOVES) for step, far in steps))
 
     def _align(self, most: float) -> None:

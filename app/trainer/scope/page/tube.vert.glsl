@@ -22,8 +22,7 @@ void main() {
     float e = k == 0 ? uTorn.x : uTorn.y;
     if (e < 0.0) continue;
     float middle = e + 0.5;
-    if (s < middle) { if (k == 0) vSide.x = -1.0; else vSide.y = -1.0; }
-    if (s < middle) { high = min(high, e + 0.38); vRim = min(vRim, e + 0.38 - s); }
+    if (s < middle) { high = min(high, e + 0.38); vRim = min(vRim, e + 0.38 - s); vSide[k] = -1.0; }
     else { low = max(low, e + 0.62); vRim = min(vRim, s - e - 0.62); }
   }
   // Of a torn element each end goes on as its own piece does.
