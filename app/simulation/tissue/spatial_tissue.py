@@ -126,9 +126,11 @@ BIN_MM, FREED_FRACTION = 1.0, 0.95
 """mm, and the part of a bin's strands that must have parted for its stretch to be free."""
 # A tick in which no node moves farther has reached equilibrium: no strand yields any more.
 STILL_MM = 1e-6
-# Of a wall's strength: a stress that leaps by more in a tick is no equilibrium's, as where a vessel
-# slips off closing jaws: one Newton step a ms overshoots. It counts if the next tick has it too.
-LEAP = 0.5
+# A stress that leaps is no equilibrium's, as where a vessel slips off closing jaws: one Newton step
+# a ms overshoots. It counts if the next tick has it too. A leap is by more than this part of the
+# wall's strength in a tick, and by more than so many times what the tick before it rose by: under a
+# load that grows fast stresses rise more and more, but not from one tick to the next.
+LEAP, MORE_THAN_BEFORE = 0.25, 2.0
 # Tissue that relaxes does so for minutes: it is left as it is once no node moves farther, and its
 # stress changes by no more of the strength.
 RELAXED_MM, RELAXED_FRACTION = 1e-5, 1e-6
@@ -319,7 +321,9 @@ class SpatialTissue:
         self.nicked = [0.0] * len(tubes.names)  # how deep each is torn, of its height
         # of the strength, of each tube
         self.stress_ratios = [0.0] * len(tubes.names)
-        self._found_ratios = self.stress_ratios  # those of the last tick, with its leaps
+        # Those of the last tick, with its leaps, and by how much they had risen in it.
+        self._found_ratios: list[float] = self.stress_ratios
+        self._rises: list[float] = self.stress_ratios
         # the largest; where, mm from that tube's first end, and of which tube
         self.stress_ratio, self.station, self.worst_tube = 0.0, 0.0, 0
         self._leaking: set[tuple[str, str]] = set()  # fluids and tubes that lose some
@@ -853,9 +857,10 @@ class SpatialTissue:
         else:
             worsts = beam.worst_stresses()
             ratios = [a.total / b for a, b in zip(worsts, self.strengths, strict=True)]
-        last, self._found_ratios = self._found_ratios, ratios
+        rises = [now - then for now, then in zip(ratios, self._found_ratios, strict=True)]
+        before, self._found_ratios, self._rises = self._rises, ratios, rises
         if max(ratios) > 1.0:
-            ratios = self._without_leaps(ratios, last)
+            ratios = self._without_leaps(ratios, rises, before)
         self.stress_ratios = ratios
         ratio = self.stress_ratio = max(ratios)
         tube = self.worst_tube = ratios.index(ratio)
@@ -865,9 +870,14 @@ class SpatialTissue:
         if ratio > 1.0:
             self._tear_walls()
 
-    def _without_leaps(self, ratios: list[float], last: list[float]) -> list[float]:
-        """Return stresses as they were judged last where they have leapt since they were found."""
-        leaps = [now > 1.0 and now > then + LEAP for now, then in zip(ratios, last, strict=True)]
+    def _without_leaps(
+        self, ratios: list[float], rises: list[float], before: list[float]
+    ) -> list[float]:
+        """Return stresses as they were judged last where they leap; `before` is the last rise."""
+        leaps = [
+            now > 1.0 and rise > max(LEAP, MORE_THAN_BEFORE * last)
+            for now, rise, last in zip(ratios, rises, before, strict=True)
+        ]
         self._still = self._still and not any(leaps)
         return [
             then if leap else now
