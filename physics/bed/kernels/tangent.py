@@ -20,7 +20,7 @@ def copy_blocks(to: Floats, of: Floats) -> None:
 @inner
 def take_product(of: Floats, y: Floats, z: Floats) -> None:
     """Take y^T z from a block."""
-    # Six sums side by side, which the compiler may take several at once.
+    # Six sums side by side, here and below, which the compiler may take several at once.
     for r in range(6):
         a, b, c, d, e, f = of[r, 0], of[r, 1], of[r, 2], of[r, 3], of[r, 4], of[r, 5]
         for k in range(6):
@@ -32,6 +32,62 @@ def take_product(of: Floats, y: Floats, z: Floats) -> None:
             e -= v * z[k, 4]
             f -= v * z[k, 5]
         of[r, 0], of[r, 1], of[r, 2], of[r, 3], of[r, 4], of[r, 5] = a, b, c, d, e, f
+
+
+@side_by_side
+@inner
+def divide(y: Floats, low: Floats) -> None:
+    """Replace y by L^-1 y, for an L with its diagonal's inverse."""
+    for r in range(6):
+        a, b, c, d, e, f = y[r, 0], y[r, 1], y[r, 2], y[r, 3], y[r, 4], y[r, 5]
+        for k in range(r):
+            v = low[r, k]
+            a -= v * y[k, 0]
+            b -= v * y[k, 1]
+            c -= v * y[k, 2]
+            d -= v * y[k, 3]
+            e -= v * y[k, 4]
+            f -= v * y[k, 5]
+        v = low[r, r]
+        y[r, 0], y[r, 1], y[r, 2] = a * v, b * v, c * v
+        y[r, 3], y[r, 4], y[r, 5] = d * v, e * v, f * v
+
+
+@side_by_side
+@inner
+def take_transposed(of: Floats, y: Floats, x: Floats) -> None:
+    """Take y^T x from six numbers."""
+    a, b, c, d, e, f = of[0], of[1], of[2], of[3], of[4], of[5]
+    for k in range(6):
+        v = x[k]
+        a -= y[k, 0] * v
+        b -= y[k, 1] * v
+        c -= y[k, 2] * v
+        d -= y[k, 3] * v
+        e -= y[k, 4] * v
+        f -= y[k, 5] * v
+    of[0], of[1], of[2], of[3], of[4], of[5] = a, b, c, d, e, f
+
+
+@side_by_side
+@inner
+def take_times(of: Floats, y: Floats, x: Floats) -> None:
+    """Take y x from six numbers."""
+    a = b = c = d = e = f = 0.0
+    for k in range(6):
+        v = x[k]
+        a += y[0, k] * v
+        b += y[1, k] * v
+        c += y[2, k] * v
+        d += y[3, k] * v
+        e += y[4, k] * v
+        f += y[5, k] * v
+    of[0] -= a
+    of[1] -= b
+    of[2] -= c
+    of[3] -= d
+    of[4] -= e
+    of[5] -= f
 
 
 @inner
@@ -116,19 +172,9 @@ def solve(
             b[r] = v * low[r, r]
         for m in range(first[i], first[i + 1]):
             y = block[m]
-            for r in range(6):
-                for k in range(r):
-                    v = low[r, k]
-                    for c in range(6):
-                        y[r, c] -= v * y[k, c]
-                v = low[r, r]
-                for c in range(6):
-                    y[r, c] *= v
+            divide(y, low)
             take_product(diagonal[column[m]], y, y)  # above the diagonal nobody looks
-            b2 = step[column[m]]
-            for k in range(6):
-                for r in range(6):
-                    b2[r] -= y[k, r] * b[k]
+            take_transposed(step[column[m]], y, b)
         for m in range(first[i], first[i + 1]):
             for later in range(m + 1, first[i + 1]):
                 take_product(block[product[at]], block[m], block[later])
@@ -137,12 +183,7 @@ def solve(
         low = diagonal[i]
         b = step[i]
         for m in range(first[i], first[i + 1]):
-            b2 = step[column[m]]
-            for r in range(6):
-                v = 0.0
-                for c in range(6):
-                    v += block[m, r, c] * b2[c]
-                b[r] -= v
+            take_times(b, block[m], step[column[m]])
         for r in range(5, -1, -1):
             v = b[r]
             for k in range(r + 1, 6):
