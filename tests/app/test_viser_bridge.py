@@ -3,6 +3,7 @@
 import asyncio
 import re
 import socket
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -64,6 +65,34 @@ def test_a_connection_leads_to_its_page_and_a_page_can_be_closed(
     # In a thread of its own: playwright's loop may be running in this one.
     with ThreadPoolExecutor(1) as pool:
         pool.submit(lambda: asyncio.run(asyncio.wait_for(both(), LONGEST))).result()
+
+
+def test_what_is_sent_to_a_page_that_has_left_warns_nobody() -> None:
+    async def page_left() -> viser.ClientHandle:
+        async with connected(f"http://127.0.0.1:{running.get_port()}") as page:
+            await page.send(msgspec.msgpack.encode(CAMERA))
+            while not (clients := running.get_clients()):
+                await asyncio.sleep(0.01)
+            (client,) = clients.values()
+            slider = client.gui.add_slider("Force", 0.0, 1.0, 0.1, 0.0)
+        while running.get_clients():
+            await asyncio.sleep(0.01)
+        slider.value = 0.5
+        client.scene.add_frame("/left")
+        return client
+
+    # Filters are the process's: here they are put back, as when another thread has compiled.
+    with warnings.catch_warnings():
+        running = start_server("127.0.0.1", 0, Guard("127.0.0.1"))
+    try:
+        with warnings.catch_warnings(), ThreadPoolExecutor(1) as pool:
+            warnings.simplefilter("error")
+            left = pool.submit(lambda: asyncio.run(asyncio.wait_for(page_left(), LONGEST)))
+            buffer = left.result().gui._websock_interface.get_message_buffer()
+        assert buffer.done
+        assert len(buffer.message_from_id) > 0
+    finally:
+        stop_server(running)
 
 
 def test_nobody_can_ask_for_a_public_tunnel(trainer: Trainer) -> None:

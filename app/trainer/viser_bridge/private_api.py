@@ -7,7 +7,6 @@ import gzip
 import io
 import logging
 import threading
-import warnings
 from collections.abc import Awaitable, Callable, Generator, Iterable, Mapping
 from typing import Any
 
@@ -15,6 +14,9 @@ import viser
 import websockets.asyncio.server
 from viser import _messages  # pyright: ignore[reportPrivateUsage]
 from viser._icons import svg_from_icon  # pyright: ignore[reportPrivateUsage]
+from viser.infra._async_message_buffer import (  # pyright: ignore[reportPrivateUsage]
+    AsyncMessageBuffer,
+)
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import WebSocketException
 from websockets.frames import CloseCode
@@ -37,6 +39,13 @@ PAGE_MESSAGES = (
     _messages.LocalStorageGetItemResponseMessage,
 )
 """viser's declarations of what a page of this trainer may send; its other kinds are refused."""
+
+# viser warns once of what is sent to a page that has left; here each is taken to have warned. A tab
+# may close while it is drawn, and its session ends in a moment. A filter would not last: whatever
+# puts the process's filters back, as numba does while it compiles, takes it away.
+AsyncMessageBuffer.__init__ = functools.partialmethod(  # pyright: ignore[reportAttributeAccessIssue]
+    AsyncMessageBuffer.__init__, _warned_push_after_done=True
+)
 
 COVER = """
 @keyframes bd-show { to { visibility: visible } }
@@ -81,8 +90,6 @@ def start_server(
     RuntimeError
         If this viser opens its socket where no guard can stand.
     """
-    # No warning for a tab that closes while it is drawn: its session ends in a moment.
-    warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection", UserWarning)
     # At DEBUG each request would be logged, with the token in it.
     log = logging.getLogger("websockets.server")
     log.setLevel(max(logging.INFO, log.getEffectiveLevel()))
