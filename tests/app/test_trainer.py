@@ -381,6 +381,17 @@ def test_trainer_refuses(arguments: tuple[object, ...], words: str) -> None:
     assert words in refused(("trainer", *arguments))
 
 
+ON_TOP = """at => document.elementFromPoint(...at).closest('#bd-cover') !== null"""
+PLACES = (5, 5), (1200, 60), (640, 400), (1275, 795)
+"""In a window of 1280 by 800 px: in viser's bar, its panel and its picture."""
+HIGHEST_AT_ITS_MIDDLE = """note => {
+    const box = note.getBoundingClientRect();
+    const all = document.elementsFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+    return all.some(each => note.contains(each)) && (all[0].closest("#bd-cover") ?? note).id;
+}"""
+"""The name of what lies highest where a note has come to: of the cover, or of the note."""
+
+
 def test_a_page_is_covered_until_its_scene_is_ready(
     browser: Browser, trainer: Trainer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -391,15 +402,68 @@ def test_a_page_is_covered_until_its_scene_is_ready(
         page.goto(trainer.address)
         expect(page.get_by_text("Preparing the tissue.")).to_be_visible(timeout=PATIENCE)
         expect(page.get_by_text("not a medical device")).to_be_visible()
-        on_top = "at => document.elementFromPoint(...at).closest('#bd-cover') !== null"
         page.get_by_text("Connected").wait_for()  # viser's own panel lies below
-        for at in ((5, 5), (1200, 60), (640, 400), (1275, 795)):
-            assert page.evaluate(on_top, at)
+        clients = trainer._server.get_clients()
+        clients[max(clients)].add_notification("A note", "as viser shows its own")
+        note = page.get_by_role("alert").filter(has_text="A note").element_handle()
+        highest = page.wait_for_function(HIGHEST_AT_ITS_MIDDLE, arg=note).json_value()
+        assert highest == "bd-cover"
+        for at in PLACES:
+            assert page.evaluate(ON_TOP, at)
         ready.set()
         page.get_by_role("dialog").wait_for(timeout=PATIENCE)
         page.locator("#bd-cover").wait_for(state="detached")
     finally:
         ready.set()
+        page.close()
+
+
+def test_a_page_that_connects_again_is_covered_before_the_trainer_has_said_a_word(
+    browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = free_port()
+    running = Trainer(phantom(), port=port, scene="free", look="plain")
+    spoken, prepare = threading.Event(), server.prepare_page
+
+    def silent(client: ClientHandle) -> None:
+        spoken.wait()
+        prepare(client)
+
+    try:
+        with trainer_page(browser, running.address) as tab:
+
+            def stays_covered() -> None:
+                tab.readout.wait_for(state="detached")  # viser has emptied the page
+                for at in PLACES:
+                    assert tab.page.evaluate(ON_TOP, at)
+                spoken.set()
+                tab.readout.wait_for()
+                tab.page.locator("#bd-cover").wait_for(state="detached")
+
+            monkeypatch.setattr(server, "prepare_page", silent)
+            running._server._websock_server.disconnect_all_clients()
+            stays_covered()
+            spoken.clear()
+            running.stop()
+            running = Trainer(phantom(), port=port, scene="free", look="plain")
+            stays_covered()
+    finally:
+        spoken.set()
+        running.stop()
+
+
+def test_a_page_whose_session_cannot_be_made_says_so(
+    browser: Browser, trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise RuntimeError("no view")
+
+    monkeypatch.setattr(server, "PageView", fails)
+    page = browser.new_page()
+    try:
+        page.goto(trainer.address)
+        expect(page.locator("#bd-cover")).to_contain_text("Reload the page for a new one.")
+    finally:
         page.close()
 
 

@@ -77,6 +77,7 @@ PREPARING = (
     DISCLAIMER,
 )
 """What a page shows until its scene is ready."""
+STOPPED = "This duct has stopped", "A fault of the program. Reload the page for a new one."
 LOST = (
     "The one that this page had is gone: the trainer was started anew, or the page was away for "
     "more than ten minutes."
@@ -346,7 +347,8 @@ class Trainer:
             return
         except Exception:
             if number in self._server.get_clients():
-                self._tell_fault(client)
+                log.exception("the session of client %d has stopped", number)
+                cover_page(client, STOPPED, waits=False)
             return
         with self._views_lock:
             # viser runs this in a thread pool: the tab may have been closed in the meantime.
@@ -400,10 +402,7 @@ class Trainer:
         """Log the fault that has stopped a client's session, and tell the client."""
         log.exception("the session of client %d has stopped", client.client_id)
         with self._surviving("telling a client"):
-            client.add_notification(
-                "This duct has stopped", "A fault of the program. Reload the page for a new one.",
-                color="red",
-            )  # fmt: skip
+            client.add_notification(*STOPPED, color="red")
 
     def _run(self) -> None:
         while (seconds := self.timer.wait(self._stopping)) is not None:

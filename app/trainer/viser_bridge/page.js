@@ -18,7 +18,11 @@ const cover = document.createElement("div");
 cover.id = "bd-cover";
 cover.setAttribute("role", "status");
 const COVER_MS = 15000;  // for which at most a panel is waited for that has been sent
-let uncovered = false;  // a page that connects again keeps its picture
+let covered = 0;
+const layCover = () => {
+  covered++;
+  document.body.append(cover);
+};
 page.cover = (waits, ...lines) => {
   cover.classList.toggle("bd-waits", waits);
   cover.replaceChildren(...lines.map(line => {
@@ -26,14 +30,23 @@ page.cover = (waits, ...lines) => {
     row.textContent = line;
     return row;
   }));
-  if (!uncovered) document.body.append(cover);
+  layCover();
   document.documentElement.classList.add("bd-ready");
 };
 page.uncover = () => {
-  uncovered = true;
-  const from = performance.now(), ours = () => document.querySelector("[data-testid=readout]");
-  later(() => ours() || performance.now() - from > COVER_MS, () => cover.remove());
+  const from = performance.now(), laid = covered;
+  const ours = () => document.querySelector("[data-testid=readout]");
+  later(() => ours() || performance.now() - from > COVER_MS, () => { if (covered === laid) cover.remove(); });
 };
+// Where viser has connected again it sets this, and empties panel and picture before anything comes.
+let first = viewer().firstMessageBatch;
+Object.defineProperty(viewer(), "firstMessageBatch", {
+  get: () => first,
+  set(begins) {
+    first = begins;
+    if (begins) layCover();
+  },
+});
 
 // What a screen reader says: one place that stays, whose words change.
 const announcer = document.createElement("div");
