@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from app.simulation.inputs.inputs import Instrument
 
+Three = tuple[float, float, float]
 Where = Literal["between", "under", "plate", "behind"]
 PART: dict[Where, str] = {
     "between": "Next: part the tissue between {} and {}: lead the right hand's {} into the ring.",
@@ -93,13 +94,9 @@ class NextStep(NamedTuple):
 
     words: str
     strands: NDArray[np.int64]  # that it is about; none once there is nothing to part
-    along: tuple[float, float, float] | None = None  # direction in which jaws part them
-    place: tuple[float, float, float] | None = None  # mm, where to the hand's tip is led
+    along: Three | None = None  # direction in which jaws part them
+    place: Three | None = None  # mm, where to the hand's tip is led
     hand: int | None = None  # that does it; None for either
     tool: Instrument | None = None  # that it takes; None for what it has
     through: bool = False  # whether the tip is led there through tissue, and not in front of it
-
-    @property
-    def leads(self) -> bool:
-        """Whether a tip is still to be led into the ring."""
-        return "into the ring" in self.words
+    leads: bool = False  # whether the tip is still to be led into the ring

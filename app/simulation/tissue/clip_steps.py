@@ -174,7 +174,8 @@ class JawsOnTube:
             found = tissue.between_jaws(hand.place, np.array(hand.aim), jaws)
             between = {tissue.tubes.names[number]: at for number, at in found}
         title, others = tube_title(tube), [each for each in between if each != tube]
-        if not is_good(between):
+        leads = not is_good(between)
+        if leads:
             off = turn_off(RIGHT, hand, site.across)
             bar = ALONG_BAR * (off is not None and abs(off) > TURNED)
             words = f"Next: {purpose}{INTO_RING.format(tool, title, bar)}"
@@ -184,7 +185,7 @@ class JawsOnTube:
             words = CLOSE_NOW[tool].format(title)
         return NextStep(
             words, np.zeros(0, dtype=np.int64), along=three(site.across), place=three(site.tip),
-            hand=RIGHT, tool=tool,
+            hand=RIGHT, tool=tool, leads=leads,
         )  # fmt: skip
 
 

@@ -32,6 +32,7 @@ from app.simulation.exercises.next_step import (
     TO_RING,
     WITHDRAW,
     NextStep,
+    Three,
 )
 from app.simulation.inputs.inputs import HOLDING
 from app.simulation.tissue.clip_steps import ClipSteps, ClosingSteps
@@ -40,7 +41,6 @@ from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.safety import Safety
 
 Floats = NDArray[np.float64]
-Three = tuple[float, float, float]
 
 BEGUN = 0.1
 """Of the triangle's strands that have parted, from which on one has begun."""
@@ -235,7 +235,7 @@ class Guidance:
             place = pulling.start + far * np.array(pull.direction)
             if not pulling.drawn and math.dist(held, place) > IN_RING_MM:
                 words = pull.words.format(name, far, STAGES * STAGE_MM)
-                return NextStep(words, strands, place=three(place), hand=LEFT)
+                return NextStep(words, strands, place=three(place), hand=LEFT, leads=True)
             pulling.stage += 1
         pulling.drawn = True
         return self._pull_step(pulling) if pull.lets_go else self._end_pull()
@@ -250,7 +250,7 @@ class Guidance:
             return None
         place = back + BACK_MM / math.dist(held, back) * (held - back)
         words = LET_BACK.format(tube_title(self._safety.gallbladder))
-        return NextStep(words, self._strands, place=three(place), hand=LEFT)
+        return NextStep(words, self._strands, place=three(place), hand=LEFT, leads=True)
 
     def _end_pull(self) -> None:
         if self._pulling is not None:

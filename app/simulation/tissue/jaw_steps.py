@@ -25,6 +25,7 @@ from app.simulation.exercises.next_step import (
     WITHDRAW,
     WITHDRAW_ALONG,
     NextStep,
+    Three,
 )
 from app.simulation.inputs.hand import GRIP_N, Hand
 from app.simulation.inputs.inputs import Instrument
@@ -34,7 +35,6 @@ from app.simulation.tissue.passes import JAW_MM
 from app.simulation.tissue.spatial_tissue import SpatialTissue
 
 Floats = NDArray[np.float64]
-Three = tuple[float, float, float]
 
 RIGHT = 1
 """Number of the hand that has jaws."""
@@ -189,9 +189,10 @@ class JawSteps:
         numbers: list[int] = [int(ends.tubes[site.anchor]), int(ends.to[site.anchor])]
         titles = [tube_title(names[each]) for each in numbers if each >= 0]
         if self._state == "open" and site.through is not None:
-            return self._through(UNDER.format(tool, titles[0]), self._place + site.through)
+            under = self._place + site.through
+            return self._step(UNDER.format(tool, titles[0]), under, through=True)
         if self._state == "closed":
-            return self._through(BACK_ALONG.format(tool), self._back)
+            return self._into_ring(BACK_ALONG.format(tool), self._back)
         if self.begun:
             if self._state == "to withdraw":
                 shaft = TROCARS[RIGHT].shaft(self._back)
@@ -203,7 +204,7 @@ class JawSteps:
             if self._state == "pinched":
                 return self._step(PINCHED.format(tool, tube_title(self._wall)))
             if self._state == "to leave":
-                return self._through(LEAVE.format(tool, tube_title(self._wall)), self._left)
+                return self._into_ring(LEAVE.format(tool, tube_title(self._wall)), self._left)
             moves = {"opening": OPENS, "closing": CLOSES}
             words = moves.get(self._state, CLOSE_FEW if self.fruitless else CLOSE)
             return self._step(words.format(tool))
@@ -211,14 +212,15 @@ class JawSteps:
             return self._step(PRESSES.format(tool))
         beside = self._state == "beside"
         place = self._place if beside else self._beside
-        if hand is not None and math.dist(hand.place, place) < IN_RING_MM:
+        there = hand is not None and math.dist(hand.place, place) < IN_RING_MM
+        if there:
             words = (OPEN if self._is_at(place) else TURN).format(tool)
         elif beside:
             words = PASS[site.where].format(tool, *titles)
         else:
             words = PART[site.where].format(*titles, tool)
-        step = self._step(words, place)
-        return step._replace(along=three(site.along), through=beside)
+        step = self._step(words, place, through=beside, leads=not there)
+        return step._replace(along=three(site.along))
 
     def withdrawn(self) -> NextStep:
         """Return that the jaws strain a wall, and where they go then."""
@@ -229,7 +231,7 @@ class JawSteps:
         # front of it still.
         if self._state == "to withdraw":
             self._state, self._clear = "closed", self._clear_of(wall)
-        return self._through(WITHDRAW_ALONG.format(self._tool, tube_title(wall)), self._back)
+        return self._into_ring(WITHDRAW_ALONG.format(self._tool, tube_title(wall)), self._back)
 
     @property
     def _left(self) -> Floats:
@@ -268,12 +270,17 @@ class JawSteps:
         nearest = int((aside**2).sum(axis=1).argmin())
         return aside[nearest], float(along[nearest])
 
-    def _through(self, words: str, place: Floats) -> NextStep:
-        return self._step(words, place)._replace(through=True)
+    def _into_ring(self, words: str, place: Floats) -> NextStep:
+        """Return that a tip in the tissue is led through it into the ring."""
+        return self._step(words, place, through=True, leads=True)
 
-    def _step(self, words: str, place: Floats | None = None) -> NextStep:
+    def _step(
+        self, words: str, place: Floats | None = None, *, through: bool = False, leads: bool = False
+    ) -> NextStep:
         at = None if place is None else three(place)
-        return NextStep(words, self.strands, place=at, hand=RIGHT, tool=self._tool)
+        return NextStep(
+            words, self.strands, place=at, hand=RIGHT, tool=self._tool, through=through, leads=leads
+        )
 
     @property
     def _place(self) -> Floats:
