@@ -23,6 +23,8 @@ WARNED_FROM, WARNED_EACH = 0.8, 0.05
 SCOPE, POINTS = -1, -2
 """In the place of a hand: the pointer leads the scope, or marks what it points at."""
 
+_NO_MARKS: tuple[tuple[int, ...], tuple[float, ...] | None] = (), None
+
 MOST = 1e6
 """Largest number that a page's pointer or gamepad sends: mm, notches or rad."""
 
@@ -140,8 +142,8 @@ class ScopeScene:
         # as the page has it: a hand or what else is led, by which end, where the cross is
         self._leads: tuple[int, tuple[float, float] | None] | None = None
         self._warning = ""
-        # The strands that are marked, and the ring.
-        self._marks: tuple[tuple[int, ...], tuple[float, ...] | None] = (), None
+        # The strands that are to be marked and the ring, as they are and as the page has them.
+        self._asked = self._marks = _NO_MARKS
         self._frame = client.scene.add_frame("/scope", show_axes=False)
         self._pointer: viser.GuiTextHandle | None = None
         self._photograph: viser.GuiTextHandle | None = None
@@ -160,6 +162,7 @@ class ScopeScene:
     def advance(self, ticks: int) -> bool:
         """Lead the hands, and let the assistant follow; return whether the picture is another."""
         self._led.advance(ticks)
+        self._asked = self._led.to_part, self._led.ring
         tissue = self._session.spatial
         # A replay, and another's session, are seen through the scope that was held there.
         held = self._held
@@ -169,7 +172,7 @@ class ScopeScene:
         tips = [hand.place for hand in tissue.hands]
         moved = [held.advance(tips) for _ in range(ticks)]
         # What is asked for next changes while all stands still, too.
-        return any(moved) or self._marks != (self._led.to_part, self._led.ring)
+        return any(moved) or self._marks != self._asked
 
     def draw(
         self,
@@ -186,7 +189,7 @@ class ScopeScene:
             self._warning = warning
             run_function(self._client.scene, "bluntdissectScope.warn", warning)
         led = self._led
-        (marked, ring), self._marks = self._marks, (led.to_part, led.ring)
+        (marked, ring), self._marks = self._marks, self._asked
         if marked != self._marks[0]:
             run_function(self._client.scene, "bluntdissectScope.mark", self._marks[0])
         if ring != self._marks[1]:
@@ -274,7 +277,7 @@ class ScopeScene:
                 scope,
                 plain=self._look == "plain",
             )
-            self._leads, self._warning, self._marks = None, "", ((), None)
+            self._leads, self._warning, self._marks = None, "", _NO_MARKS
         return self._picture
 
     def _clear(self) -> None:
