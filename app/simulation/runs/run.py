@@ -82,6 +82,11 @@ class Run:
         return "" if self._attempt is None else self._attempt.standing
 
     @property
+    def standings(self) -> list[str]:
+        """The parts of `standing`: first how far the exercise has come."""
+        return self.standing.split("; ")
+
+    @property
     def failing(self) -> list[str]:
         """The classes of errors made so far that fail the exercise once all else is done."""
         return self._attempt.failing if self._attempt is not None and self.started else []

@@ -1,5 +1,7 @@
 """What hands do now and by which key or button, in a sentence, beside a demonstration."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,8 +73,8 @@ def _sentence(tissue: SpatialTissue, hand: Hand, does: str) -> str:
     return f"The {tool} {does}{where}."
 
 
-def reached_words(standing: str) -> str:
+def reached_words(standings: Sequence[str]) -> str:
     """Return the points of the critical view that are reached, of how far an exercise has come."""
-    first, *more = standing.split("; ")
+    first, *more = standings
     reached = [each for each in more if ", 0 of" not in each]
     return "; ".join([first, *reached])

@@ -173,7 +173,7 @@ class ExerciseTab:
                 else "Ready. Time runs from your first touch."
             )
             visible = state.figures_visible
-            standing = [*run.standing.split("; "), *self._figures()] if visible else []
+            standing = [*run.standings, *self._figures()] if visible else []
             lines = "".join(f"<br>{html.escape(each[:1].upper() + each[1:])}" for each in standing)
             content = note(f"<b>{text}</b>{lines}{its}", "exercise-state")
             set_if_changed(self._status, content=content)

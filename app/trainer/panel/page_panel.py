@@ -1,12 +1,12 @@
 """One client's panel: the read-out, tabs for what the tissue in hand offers, and the keys."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
 import viser
 
-from app.simulation import Incident, Reading, RunFile, Session
+from app.simulation import Reading, Session
 from app.trainer.client.page_state import NUDGE, PageState
 from app.trainer.client.practice import SceneName
 from app.trainer.panel.build_tab import BuildTab
@@ -61,12 +61,13 @@ class PagePanel:
         # To add a tab: write a module, add a line here and, if it shows readings, one in `show`.
         with tabs.add_tab("Train"):
             self._train = TrainTab(gui, state)
-        with tabs.add_tab(LEARN):
-            self.exercises = ExerciseTab(gui, state, self.replay)
+        learn = tabs.add_tab(LEARN)
         with tabs.add_tab("Compare"):
             self._compare = CompareTab(gui, state)
         with tabs.add_tab(REPLAY):
-            self._replay = ReplayTab(gui, state)
+            self.replays = ReplayTab(gui, state)
+        with learn:
+            self.exercises = ExerciseTab(gui, state, self.replays.watch)
         with tabs.add_tab(BUILD):
             self._build = BuildTab(gui, state)
         with tabs.add_tab("Model"):
@@ -100,7 +101,7 @@ class PagePanel:
         for tab in (self._train, self._compare, self._model):
             tab.show(reading)
         self.exercises.show()
-        self._replay.show()
+        self.replays.show()
         # A screen reader announces the duct's new state, without figures.
         words = [
             standing,
@@ -116,13 +117,6 @@ class PagePanel:
     def needs_redraw(self) -> bool:
         """Whether something shown has to go on although nothing has moved."""
         return self._train.needs_redraw
-
-    def replay(
-        self, run: RunFile, at: float = 0.0, incidents: Sequence[Incident] | None = None
-    ) -> None:
-        """Replay a run from a time, s, on, in the tab of replays."""
-        self._replay.replay(lambda: run, at, incidents)
-        open_tab(self._state.client, REPLAY)
 
     def close(self) -> None:
         """Remove what the client has uploaded, when it has gone."""

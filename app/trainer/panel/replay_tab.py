@@ -11,7 +11,7 @@ from app.trainer.panel.caption import Caption, reached_words
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
 from app.trainer.panel.debrief import BEFORE, where
 from app.trainer.panel.export_box import add_export
-from app.trainer.panel.frame import LEARN
+from app.trainer.panel.frame import LEARN, REPLAY
 from app.trainer.panel.result_page import run_name
 from app.trainer.viser_bridge.page import open_tab
 
@@ -74,6 +74,13 @@ class ReplayTab:
         def _(_: object) -> None:
             content = self._open.value.content
             self.replay(lambda: read_run(content), back="")
+
+    def watch(
+        self, run: RunFile, at: float = 0.0, incidents: Sequence[Incident] | None = None
+    ) -> None:
+        """Open this tab, and replay a run there from a time, s, on."""
+        self.replay(lambda: run, at, incidents)
+        open_tab(self._state.client, REPLAY)
 
     def replay(
         self,
@@ -138,7 +145,7 @@ class ReplayTab:
         """Return what hands do now, and what they have reached."""
         if (tissue := session.tissue.in_space) is not None:
             self._caption.look(tissue)
-        does, reached = self._caption.words, reached_words(session.run.standing)
+        does, reached = self._caption.words, reached_words(session.run.standings)
         return note(f"<b>{html.escape(does)}</b><br>{html.escape(reached)}", "caption")
 
     def _leave_it(self) -> None:

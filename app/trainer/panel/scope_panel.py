@@ -2,7 +2,7 @@
 
 import html
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import viser
@@ -19,10 +19,8 @@ from app.simulation import (
     GRIP_N,
     HOLDING,
     TURNED,
-    Incident,
     Instrument,
     Reading,
-    RunFile,
     seen_beside,
 )
 from app.trainer.client.page_state import PageState
@@ -195,10 +193,11 @@ class ScopePanel:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Train"):
             self._add_hands()
-        with tabs.add_tab(LEARN):
-            self.exercises = ExerciseTab(gui, state, self.replay)
+        learn = tabs.add_tab(LEARN)
         with tabs.add_tab(REPLAY):
-            self._replay = ReplayTab(gui, state)
+            self.replays = ReplayTab(gui, state)
+        with learn:
+            self.exercises = ExerciseTab(gui, state, self.replays.watch)
         if case is not None:
             with tabs.add_tab(BUILD):
                 CaseTab(gui, state, case, choose_anatomy)
@@ -261,18 +260,11 @@ class ScopePanel:
         self._pointing.show()
         self._photograph_view()
         self.exercises.show()
-        self._replay.show()
+        self.replays.show()
         words = f"{self._standing(reading)} {self._asked}".strip()
         if words != self._announced:
             self._announced = words
             announce(state.client, words)
-
-    def replay(
-        self, run: RunFile, at: float = 0.0, incidents: Sequence[Incident] | None = None
-    ) -> None:
-        """Replay a run from a time, s, on, in the tab of replays."""
-        self._replay.replay(lambda: run, at, incidents)
-        open_tab(self._state.client, REPLAY)
 
     def close(self) -> None:
         """Remove nothing: the client uploads nothing here."""
@@ -319,7 +311,7 @@ class ScopePanel:
         if practised:
             rows = [*self._led, *rows]
         if practised and not hidden and self._state.in_exercise:
-            so_far = self._state.session.run.standing.partition("; ")[0]
+            so_far = self._state.session.run.standings[0]
             rows.insert(0, ("So far", html.escape(so_far)))
         if not hidden:
             rows += [("Nicked", each.words(tube_title(names[each.tube]))) for each in reading.nicks]

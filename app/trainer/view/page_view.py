@@ -203,7 +203,7 @@ class PageView:
             self.show_anatomy(anatomy_named(anatomy) if isinstance(anatomy, str) else anatomy)
         elif self._lead is not None:
             self._show("bed" if start.in_bed else "free")
-        self._panel.replay(run)
+        self._panel.replays.watch(run)
 
     def show_picture(self) -> None:
         """Show the next picture of *Who is who*; after the last one the first again."""
