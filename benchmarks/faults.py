@@ -18,11 +18,12 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from app.anatomy import drawn_anatomy
+from app.anatomy import Anatomy, drawn_anatomy
 from app.command_line.load import shipped_organ
 from app.simulation import (
     ERROR_CLASSES,
     FEW,
+    GRIP_N,
     JAW_RADIUS,
     MANNERS,
     TICK_SECONDS,
@@ -37,6 +38,7 @@ from app.simulation import (
     bed_named,
     exercises_offered,
     free_specimen,
+    preset_named,
     specimen_in_bed,
 )
 from app.simulation.scripts.exercise_limits import AT_ANATOMY, IN_BED
@@ -421,10 +423,11 @@ def spray_clips(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None
 # An anatomy
 
 
-def tear_off(tube: str, station: float, lean: float = 0.0) -> Make:
+def tear_off(tube: str, station: float, lean: float = 0.0, tool: Instrument = "grasper") -> Make:
     """Pull at one tube until all about it has parted."""
 
     def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        hands.choose_instrument(0, tool)
         assert hands.grab(0, station, hands.duct.tubes.names.index(tube)) is not None
         yield from lift(hands, 60.0 * np.array([0.0, math.sin(lean), math.cos(lean)]), speed)
 
@@ -534,6 +537,7 @@ class Fault:
     named: frozenset[str]  # of which at least one is found
     bed: str | None = None  # the only one in which it is one
     anatomies: tuple[int, ...] = ()  # seeds of those where it is done
+    walls: str | None = None  # preset whose walls their tubes have; their own when None
 
     def runs(self, beds: Sequence[str], seeds: Sequence[int]) -> list[tuple[str, int, float]]:
         """Return where it is done and how fast: in beds of seeds, or at its anatomies."""
@@ -544,11 +548,11 @@ class Fault:
 
 def fault(
     exercise: str, name: str, make: Make, speeds: tuple[float, ...], *named: str,
-    bed: str | None = None, at: tuple[int, ...] = (),
+    bed: str | None = None, at: tuple[int, ...] = (), walls: str | None = None,
 ) -> Fault:  # fmt: skip
     """Return a fault at a slow, a middling and a fast speed."""
     low, mid, high = speeds
-    return Fault(exercise, name, make, (low, mid, high), frozenset(named), bed, at)
+    return Fault(exercise, name, make, (low, mid, high), frozenset(named), bed, at, walls)
 
 
 PULLED = ("one_go", "over_lifted", "unseen")
@@ -641,46 +645,87 @@ FAULTS = (
         "unseen",
         bed="normal",
     ),
+    # Of an anatomy's own walls the artery tears long before a hold slips, and all are torn through
+    # at once. The ureter's are strong, and the one shipped wall that tears in time.
+    fault(
+        "critical_view",
+        "pull out of the grasper",
+        tear_off("gallbladder", 5.0),
+        (2.0, 4.0, 8.0),
+        "hold_slipped",
+        at=(25, 27, 30),
+        walls="human-ureter",
+    ),
+    fault(
+        "critical_view",
+        "nick the duct",
+        tear_off("cystic", 10.0, tool="hook"),
+        (2.0, 4.0, 8.0),
+        "nick",
+        at=(25, 28, 30),
+        walls="human-ureter",
+    ),
 )
 
 
+def with_walls(anatomy: Anatomy, preset: str) -> Anatomy:
+    """Return an anatomy whose tubes have a preset's modulus, strength and speed of a tear."""
+    wall = preset_named(preset)
+    assert wall.break_stress_MPa is not None
+    tubes = [
+        msgspec.structs.replace(
+            each,
+            modulus_MPa=wall.modulus_MPa,
+            strength_MPa=wall.break_stress_MPa,
+            stretch_at_break=None,
+            tear_mm_per_s=wall.tear_mm_per_s,
+        )
+        for each in anatomy.tube
+    ]
+    return msgspec.structs.replace(anatomy, name=f"{anatomy.name}-{preset}", tube=tubes)
+
+
 @cache
-def hands_in(where: str | int | None) -> Hands:
+def hands_in(where: str | int | None, walls: str | None = None) -> Hands:
     """Return hands at the duct in a bed by name, at an anatomy by its seed, or at a free duct."""
     organ = shipped_organ()
     if where is None:
-        return Hands(free_specimen(organ), vertices=FEW)
-    if isinstance(where, int):
-        return Hands(Specimen.of_anatomy(drawn_anatomy(where)), vertices=FEW)
-    return Hands(specimen_in_bed(organ, bed=bed_named(where)), vertices=FEW)
+        specimen = free_specimen(organ)
+    elif isinstance(where, int):
+        anatomy = drawn_anatomy(where)
+        specimen = Specimen.of_anatomy(with_walls(anatomy, walls) if walls else anatomy)
+    else:
+        specimen = specimen_in_bed(organ, bed=bed_named(where))
+    return Hands(specimen, vertices=FEW, grip_N=GRIP_N)
 
 
 @cache
-def exercises(where: str | int | None) -> dict[str, Exercise]:
+def exercises(where: str | int | None, walls: str | None = None) -> dict[str, Exercise]:
     """Return the exercises there, by name."""
-    return {each.name: each for each in exercises_offered(hands_in(where))}
+    return {each.name: each for each in exercises_offered(hands_in(where, walls))}
 
 
-def begun(name: str, bed: str, seed: int) -> Hands:
+def begun(name: str, bed: str, seed: int, walls: str | None = None) -> Hands:
     """Return hands that have begun an exercise, in a bed where it is done in one."""
     where = bed if name in IN_BED else seed if name in AT_ANATOMY else None
-    exercise = exercises(where)[name]
+    exercise = exercises(where, walls)[name]
     opening = exercise.opening
     if opening is not None and opening.bed is not None:
         assert isinstance(opening.bed, str)
         where = opening.bed
         opening = msgspec.structs.replace(opening, bed_seed=seed)
         exercise = msgspec.structs.replace(exercise, opening=opening)
-    hands = hands_in(where)
+    hands = hands_in(where, walls)
     hands.start_exercise(exercise.by_hands_alone())
     return hands
 
 
 def done(
-    name: str, bed: str, seed: int, make: Make, speed: float = 1.0, tremor: float = 0.0
-) -> tuple[Outcome, list[Incident]]:
+    name: str, bed: str, seed: int, make: Make, speed: float = 1.0, tremor: float = 0.0,
+    walls: str | None = None,
+) -> tuple[Outcome, list[Incident]]:  # fmt: skip
     """Do an exercise in a bed of a seed, or at the anatomy of a seed."""
-    hands = begun(name, bed, seed)
+    hands = begun(name, bed, seed, walls)
     hands.tremble(tremor, seed)
     assert hands.run.exercise is not None
     for _ in islice(make(hands, hands.run.exercise, speed), MOST_TICKS):
@@ -748,7 +793,9 @@ def measure_faults(console: Console) -> dict[str, Any]:
     with console.status("Faults ..."):
         for each in FAULTS:
             for bed, seed, speed in each.runs(BEDS, SEEDS):
-                end, incidents = done(each.exercise, bed, seed, each.make, speed, TREMOR)
+                end, incidents = done(
+                    each.exercise, bed, seed, each.make, speed, TREMOR, walls=each.walls
+                )
                 errors = {one.error for one in incidents}
                 runs, right = runs + 1, right + bool(each.named & errors)
                 passed += end.passed

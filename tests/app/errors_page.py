@@ -74,9 +74,10 @@ do an exercise at one duct (`finder_us` of `benchmarks/faults.py`, four times, b
 November 2026). By turns with it, the finder before took 14 to 69 µs.
 
 One author wrote the faults and their finder, and every hand here is a script: whether raters see
-the same errors in people's runs has not been measured. Nothing slips out of scripted hands'
-graspers, and no wall of theirs tears in part. What is freed away from the goal is no error: the
-exercise says that it does not count. Jaws that do not pass a tube's whole width close nothing.
+the same errors in people's runs has not been measured. Holds slip, and walls tear in part, at
+anatomies with the ureter's wall only: of their own walls the artery tears first, and at once. What
+is freed away from the goal is no error: the exercise says that it does not count. Jaws that do not
+pass a tube's whole width close nothing.
 
 ## Sources
 

@@ -47,7 +47,9 @@ TISSUE = Conditions(1.5, 4.0, 4.445, 0.5, 36)
 )
 def test_a_fault_is_named_at_any_speed_and_fails(each: Fault, bed: str, number: int) -> None:
     speed, seed = each.speeds[number], (each.anatomies or (21, 22, 23))[number]
-    outcome, incidents = done(each.exercise, each.bed or bed, seed, each.make, speed, tremor=0.15)
+    outcome, incidents = done(
+        each.exercise, each.bed or bed, seed, each.make, speed, tremor=0.15, walls=each.walls
+    )
     assert each.named & {incident.error for incident in incidents}, outcome
     assert not outcome.passed, outcome
 
@@ -80,7 +82,9 @@ def test_sentences_say_what_where_and_what_instead() -> None:
     sentences: dict[str, str] = {}
     for each in FAULTS:
         at = (*each.anatomies, 24)[0]
-        _, incidents = done(each.exercise, each.bed or "normal", at, each.make, each.speeds[1])
+        _, incidents = done(
+            each.exercise, each.bed or "normal", at, each.make, each.speeds[1], walls=each.walls
+        )
         for incident in incidents:
             sentences[incident.error] = incident.sentence
             assert 0.0 < incident.start_s <= incident.end_s
