@@ -12,6 +12,7 @@ import pytest
 from trainee import Floats, Trainee
 
 from app.anatomy import anatomy_named
+from app.classroom.course import default_course, read_course
 from app.simulation import CarefulRun, Replay, Structure, exercise_at
 from assets import RUNS
 from organ_geometry import write_atomic
@@ -161,6 +162,9 @@ def test_who_does_what_the_page_asks_for_reaches_the_critical_view(seed: int) ->
     kinds = [each.kind for each in session.spatial.events]
     assert sorted(kinds) == [*["clip"] * 6, *["division"] * 2]
     assert session.spatial.peak_stress_ratio < 0.9
+    mark = read_course(default_course()).benchmark_of("view", "peak_stress_ratio")
+    assert mark is not None
+    assert session.metrics()["peak_stress_ratio"] <= mark.value  # one of the runs that set it
 
 
 @pytest.mark.long  # ten minutes of hands
