@@ -128,7 +128,7 @@ class Guidance:
             return None
         view = self._safety.critical_view()
         if viewed:
-            return self._closing.next_step(goal.stay, goal.go)
+            return self._jaws_out() or self._closing.next_step(goal.stay, goal.go)
         parts = view.next_parts(goal.points)
         if not parts:
             return None
@@ -161,6 +161,13 @@ class Guidance:
             step = self._pull_step(self._pulling)
             if step is not None:
                 return step
+
+    def _jaws_out(self) -> NextStep | None:
+        """Return how jaws are closed and drawn out that have opened; None if there are none."""
+        self._follow()
+        if self._jaws is None or not self._jaws.begun:
+            return None
+        return self._strained() or self._jaws.next_step()
 
     def _follow(self) -> None:
         """Note what hands have done, and what is asked for no more."""

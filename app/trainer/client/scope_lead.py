@@ -123,7 +123,7 @@ NOT_ASKED = (
 )
 CROSS_STEP = 0.03
 """Of the picture's radius, that a key moves the cross by."""
-BACK_NEXT = "Now swing the gallbladder over, show the triangle from behind, and press H again."
+BACK_NEXT = "It is of the front. For one of the back swing the gallbladder over, and press H."
 BOTH_KEPT = "Front and back go with the result."
 SWEEPS = "A swab has no jaws: wipe with it along a tube."
 
