@@ -33,6 +33,7 @@ SCRIPTS = (
     "pictures",
     "state",
     "sheet",
+    "lumps",
     "instruments",
     "picture",
     "marks",

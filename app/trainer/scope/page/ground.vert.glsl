@@ -1,7 +1,9 @@
 // Height fields and other sheets that come with their normals.
 attribute float cover;
+attribute vec2 aside;  // mm, of what is seen on it from where it would lie on a plane
 varying vec3 vPlace, vNormal;
 varying float vCover;
+varying vec2 vOn;
 #ifndef PLAIN
 uniform int uRods;
 uniform vec4 uRodFrom[8], uRodTo[8];
@@ -24,5 +26,6 @@ void main() {
   vNormal.xy -= 0.35 * dent * aside;
 #endif
   vCover = cover;
+  vOn = position.xy + aside;
   gl_Position = projectionMatrix * (modelViewMatrix * vec4(vPlace, 1.0));
 }

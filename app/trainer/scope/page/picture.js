@@ -12,6 +12,7 @@
   const COARSE = 0.5;                          // dots a pixel of the plain look
   const SHADED = 12;                           // mm over what lies under the liver that it is darker
   const BEYOND = 60;                           // cells
+  const AROUND = 15, DOWN = 10;                // places round a lump of fat, and from its top down
   const ROUND = 1.10;                          // of half the picture's shorter side
   // Round the picture it is black, and darker towards its edge.
   const EDGE = "position: absolute; inset: 0; pointer-events: none; z-index: 1; background: radial-gradient(circle closest-side, "
@@ -44,7 +45,7 @@
       for (const [name, value] of Object.entries(this.shared)) this.shared[name] = { value };
       this.#makeGround();
       this.#makeTubes();
-      if (!given.plain) this.#makeWebs();
+      if (!given.plain) { this.#makeWebs(); this.#makeLumps(); }
       this.#makeInstruments();
       this.frame = document.createElement("div");
       this.frame.className = "bd-scope-frame";
@@ -81,14 +82,14 @@
           position[3 * k] = sheet.x0 + spread(k % columns, columns) * sheet.cell;
           position[3 * k + 1] = sheet.y0 + spread(Math.floor(k / columns), rows) * sheet.cell;
         }
-        const geometry = make.geometry({ position: [position, 3], normal: [normal, 3], cover: [new Float32Array(sheet.size), 1] }, gridIndex(columns, rows, this.given.plain ? 2 : 1));
+        const geometry = make.geometry({ position: [position, 3], normal: [normal, 3], cover: [new Float32Array(sheet.size), 1], aside: [new Float32Array(2 * sheet.size), 2] }, gridIndex(columns, rows, this.given.plain ? 2 : 1));
         return { position, normal, geometry };
       };
       this.floor = field();
       this.skin = field();
       raise(this.floor, sheet.floor, sheet);
       this.put(this.floor.geometry, this.material(["ground.vert"], ["common", "wet", "floor.frag"]), 3);
-      const cloth = ["common", "wet", "sheet.frag"];
+      const cloth = ["common", "wet", "fat", "sheet.frag"];
       this.put(this.skin.geometry, this.material(["ground.vert"], cloth, { uOpaque: 1 }, { side: 2 }), 1);
       if (!this.given.plain) this.put(this.skin.geometry, this.material(["ground.vert"], cloth, { uOpaque: 0 }, { side: 2, transparent: true }), 6);
       const liver = liverOf(this.given.liver), off = new Float32Array(liver.position.length / 3);
@@ -97,7 +98,7 @@
         off[k] = (z - under) / SHADED;
         if (z - under < 3) sheet.shadeBeside([x, y, under, 2], sheet.beside);
       });
-      this.put(make.geometry({ position: [liver.position, 3], normal: [liver.normal, 3], cover: [off, 1] }, gridIndex(liver.columns, liver.rows)),
+      this.put(make.geometry({ position: [liver.position, 3], normal: [liver.normal, 3], cover: [off, 1], aside: [new Float32Array(2 * off.length), 2] }, gridIndex(liver.columns, liver.rows)),
         this.material(["ground.vert"], ["common", "wet", "liver.frag"], {}, { side: 2 }), 3);
     }
 
@@ -139,6 +140,15 @@
       const threads = grid(2, 7);
       make.each(threads, "strand", this.threadRows, 2);
       this.threads = this.put(threads, this.material(["ends", "thread.vert"], ["common", "thread.frag"], {}, clear), 5);
+    }
+
+    #makeLumps() {
+      const { make } = this, lumps = this.lumps = new scope.Lumps(this.sheet), place = new Float32Array(2 * AROUND * DOWN);
+      for (let k = 0; k < AROUND * DOWN; k++) place.set([2 * Math.PI * (k % AROUND) / (AROUND - 1), Math.PI * Math.floor(k / AROUND) / (DOWN - 1)], 2 * k);
+      const ball = make.geometry({ position: [new Float32Array(1.5 * place.length), 3], place: [place, 2] }, gridIndex(AROUND, DOWN));
+      make.each(ball, "lump", lumps.places, 4);
+      make.each(ball, "hangs", lumps.hangs, 4);
+      this.lumpMesh = this.put(ball, this.material(["ends", "lump.vert"], ["common", "wet", "fat", "lump.frag"], {}, { side: 2 }), 2);
     }
 
     #makeInstruments() {
@@ -203,9 +213,15 @@
       this.drapedParted = state.parted.reduce((a, b) => a + b, 0);
       sheet.drape(state);
       raise(this.skin, sheet.top, sheet);
-      this.skin.geometry.attributes.cover.array.set(sheet.cover);
-      this.skin.geometry.attributes.cover.needsUpdate = true;
+      for (const name of ["cover", "aside"]) {
+        this.skin.geometry.attributes[name].array.set(sheet[name]);
+        this.skin.geometry.attributes[name].needsUpdate = true;
+      }
       if (this.webs) this.#expose();
+      if (this.lumps) {
+        this.lumpMesh.geometry.instanceCount = this.lumps.hang(sheet);
+        for (const name of ["lump", "hangs"]) this.lumpMesh.geometry.attributes[name].needsUpdate = true;
+      }
       sheet.fill();
       this.field.needsUpdate = true;
     }

@@ -3,12 +3,12 @@
 // Drawn twice: what is opaque first, so that nothing below it is drawn, then what is not. The plain
 // look draws all of it once, opaque.
 varying float vCover;
+varying vec2 vOn;
 uniform float uOpaque;
 void main() {
   if (outside()) { if (uOpaque < 0.5) discard; gl_FragColor = vec4(0.0, 0.0, 0.0, 1.0); return; }
   vec3 n = normalize(vNormal), smoothN = n;
-  // On steep walls the pictures would be drawn out: they are laid on along the fall.
-  vec2 at = vPlace.xy - 0.45 * vPlace.z * n.xy * (1.0 - n.z), uv = at / 30.0;
+  vec2 uv = vOn / 30.0;
   vec4 t = texture2D(uNoise, uv), big = texture2D(uNoise, uv * 0.55 + 0.23);
   vec4 t2 = NOISE(uv * 3.1 + 0.17, t.brga), wide = NOISE(uv * 0.43 + 0.6, big);
   float cover = vCover;
@@ -38,13 +38,12 @@ void main() {
 #endif
   vec4 f = field(vPlace);
   float lobule = mix(t.g, big.g, 0.45);
-  vec3 fat = mix(vec3(0.64, 0.31, 0.10), vec3(0.86, 0.57, 0.22), smoothstep(0.0, 0.7, lobule)) * (0.86 + 0.28 * t2.r);
-  fat = mix(fat, vec3(0.62, 0.22, 0.10), 0.35 * smoothstep(0.5, 0.8, big.r));
+  vec3 fat = fatOf(lobule, t2.r, big.r);
   vec3 film = mix(vec3(0.56, 0.22, 0.13), vec3(0.74, 0.42, 0.26), 0.35 * t2.r + 0.65 * big.r);
   vec3 base = mix(film, fat, fatty);
   base = mix(base, vec3(0.40, 0.03, 0.03), 0.55 * wide.a * (1.0 - rim) + 0.30 * big.a);
   base = mix(base, vec3(0.78, 0.52, 0.36), 0.4 * rim);
-  vec3 x = vec3(1, 0, 0), y = vec3(0, 1, 0);
+  vec3 x = normalize(vec3(n.z, 0.0, -n.x)), y = normalize(vec3(0.0, n.z, -n.y));
   n = bumped(n, uv, x, y, vec2(0.25, 1.0), mix(0.4, 2.4, fatty));
 #ifndef PLAIN
   n = bumped(n, uv * 0.55 + 0.23, x, y, vec2(0.3, 1.0), mix(0.6, 3.2, fatty));
@@ -55,6 +54,6 @@ void main() {
   soak(base, rough, wet, n, smoothN, f.g * 2.0 * (1.0 - 0.6 * rim), f.a * 2.0, t2.r, slopeOfFluid(vPlace, f.g));
   float folds = mix(1.0, 0.60 + 0.40 * smoothstep(0.0, 0.45, lobule), fatty);
   vec3 c = lit(n, base, vec3(0.40, 0.24, 0.12), rough, wet, folds * f.b * mix(1.0, 0.8, rim));
-  float alpha = mix(mix(0.78, 0.97, fatty), 0.5 + 0.3 * t2.r, rim) * smoothstep(0.40, 0.44, edge);
+  float alpha = mix(mix(0.78, 1.0, smoothstep(0.0, 0.5, fatty)), 0.5 + 0.3 * t2.r, rim) * smoothstep(0.40, 0.44, edge);
   gl_FragColor = vec4(camera(c), uOpaque > 0.5 ? 1.0 : alpha);
 }

@@ -3,9 +3,14 @@
 (() => {
   const scope = window.bluntdissectScope;
   if (scope.Sheet) return;
-  const { clamp, numbers } = scope.algebra;
+  const { clamp, dice, numbers } = scope.algebra;
   const SPANS = 6;           // rounds in which the sheet is stretched between what it lies on
   const THICK = 0.35;        // of the sheet, mm
+  const ROUND = 0.7;         // mm of tissue about a tube
+  const WRAPS = 0.8;         // mm that it is wider than an organ, and 1 to 3 mm lower: most at its top
+  const CLIMBS = 4;          // mm over the floor, at an organ that is drawn about
+  const UNEVEN = 2;          // mm by which it is heaped up beside organs, here more, there less
+  const EVENS = 12;          // rounds in which lobules on a slope are set apart
   const HEAPED = 2.6;        // of what is pushed aside, at the rim of a hole, mm
   const STAYS = 0.05;        // of a fluid where it has been, mm
   const BESIDE = 4;          // mm beside organs that the sheet is darker
@@ -15,9 +20,14 @@
   class Sheet {
     constructor({ x0, y0, cell, columns, rows, heights }) {
       Object.assign(this, { x0, y0, cell, columns, rows, size: columns * rows, floor: numbers(heights) });
-      for (const name of ["top", "cover", "blood", "bile", "cavity", "spare", "kept", "left", "all", "beside"])
+      for (const name of ["top", "cover", "blood", "bile", "cavity", "spare", "kept", "left", "all", "beside", "uneven", "steepX", "steepY"])
         this[name] = new Float32Array(this.size);
       this.cover.fill(1);
+      this.aside = new Float32Array(2 * this.size);  // mm, of lobules from where they would lie on a plane
+      const throwDice = dice(29);
+      for (let k = 0; k < this.size; k++) this.uneven[k] = throwDice();
+      this.#blur(this.uneven);
+      for (let k = 0; k < this.size; k++) this.uneven[k] = clamp(2.2 * this.uneven[k] - 0.6, 0, 1);
       this.beside.fill(1);
       this.top.set(this.floor);
       this.volumes = { blood: 0, bile: 0 };  // mm^3 of the last frame
@@ -39,7 +49,7 @@
     drape(state) {
       const { top, floor, spare, kept, cell, columns, rows, size } = this;
       top.set(floor);
-      for (const tube of state.tubes) if (!tube.bare) this.#lay(state, tube);
+      for (const tube of state.tubes) this.#lay(state, tube);
       spare.set(top);
       kept.set(top);
       for (let n = 0; n < SPANS; n++) {
@@ -58,6 +68,9 @@
       for (let n = 0; n < 4; n++) this.#blur(spare);
       for (let k = 0; k < size; k++) this.cavity[k] = clamp(1.0 - 0.085 * (spare[k] - floor[k]), 0.30, 1);
       this.#shade(state);
+      // Beside organs fat is heaped up unevenly: no straight line is where they meet.
+      for (let k = 0; k < size; k++) top[k] += UNEVEN * (1 - spare[k]) * (this.uneven[k] - 0.4);
+      this.#setApart();
       return { cell, columns, rows };
     }
 
@@ -68,7 +81,8 @@
       for (let j = low(y, y0); j <= high(y, y0, rows); j++) for (let i = low(x, x0); i <= high(x, x0, columns); i++) {
         const k = j * columns + i, along = x0 + i * cell - x, up = y0 + j * cell - y, over = top[k] - z;
         const gap = Math.max(0, Math.sqrt(along * along + up * up + over * over) - r) / BESIDE;
-        if (gap < 2) dark[k] = Math.min(dark[k], 1 - 0.6 * Math.exp(-gap * gap));
+        // What lies on it has light.
+        if (gap < 2) dark[k] = Math.min(dark[k], 1 - 0.6 * Math.exp(-gap * gap) * clamp(1.5 - over / r, 0, 1));
       }
     }
 
@@ -112,19 +126,40 @@
       }
     }
 
+    // As far apart as the ground between them is long, and as few as that allows the others: so no
+    // lobule is drawn out on a slope. Begun anew each time, it follows from the heights alone.
+    #setApart() {
+      const { aside, top, steepX, steepY, cell, columns, rows } = this;
+      const longer = (k, m) => Math.sqrt((top[m] - top[k]) ** 2 + cell * cell) - cell;
+      aside.fill(0);
+      for (let j = 1; j < rows - 1; j++) for (let i = 1; i < columns - 1; i++) {
+        const k = j * columns + i;
+        steepX[k] = (longer(k - 1, k) - longer(k, k + 1)) / 4;
+        steepY[k] = (longer(k - columns, k) - longer(k, k + columns)) / 4;
+      }
+      for (let n = 0; n < EVENS; n++) for (let j = 1; j < rows - 1; j++) for (let i = 1; i < columns - 1; i++) {
+        const k = j * columns + i, a = 2 * k, row = 2 * columns;
+        aside[a] = steepX[k] + (aside[a - 2] + aside[a + 2] + aside[a - row] + aside[a + row]) / 4;
+        aside[a + 1] = steepY[k] + (aside[a - 1] + aside[a + 3] + aside[a + 1 - row] + aside[a + 1 + row]) / 4;
+      }
+    }
+
+    // It lies on a tube, and goes up an organ's flanks, which stands out of it along an uneven line.
     #lay(state, tube) {
-      const { x0, y0, cell, columns, rows, top } = this;
+      const { x0, y0, cell, columns, rows, top, floor, uneven } = this, about = tube.bare ? WRAPS : ROUND;
       // Element by element: over balls at its nodes the sheet would lie in rings.
       for (let s = 0; s < tube.count - 1; s++) {
         const [ax, ay, az, ar] = state.at(tube, s), [bx, by, bz, br] = state.at(tube, s + 0.999999);
-        const dx = bx - ax, dy = by - ay, long = Math.max(dx * dx + dy * dy, 1e-6), m = Math.max(ar, br) + 0.7;
+        const dx = bx - ax, dy = by - ay, long = Math.max(dx * dx + dy * dy, 1e-6), m = Math.max(ar, br) + about;
         const low = (a, b, o) => Math.max(0, Math.floor((Math.min(a, b) - m - o) / cell));
-        const high = (a, b, o, most) => Math.min(most - 1, Math.ceil((Math.max(a, b) + m - o) / cell));
-        for (let j = low(ay, by, y0); j <= high(ay, by, y0, rows); j++)
-          for (let i = low(ax, bx, x0); i <= high(ax, bx, x0, columns); i++) {
+        const last = (a, b, o, most) => Math.min(most - 1, Math.ceil((Math.max(a, b) + m - o) / cell));
+        for (let j = low(ay, by, y0); j <= last(ay, by, y0, rows); j++)
+          for (let i = low(ax, bx, x0); i <= last(ax, bx, x0, columns); i++) {
             const x = x0 + i * cell - ax, y = y0 + j * cell - ay, t = clamp((x * dx + y * dy) / long, 0, 1), k = j * columns + i;
-            const off = (x - t * dx) ** 2 + (y - t * dy) ** 2, r = ar + t * (br - ar) + 0.7;
-            if (off < r * r) top[k] = Math.max(top[k], az + t * (bz - az) + Math.sqrt(r * r - off));
+            const off = (x - t * dx) ** 2 + (y - t * dy) ** 2, r = ar + t * (br - ar) + about;
+            if (off >= r * r) continue;
+            const high = az + t * (bz - az) + Math.sqrt(r * r - off) - (tube.bare ? 2 * uneven[k] + 1 - off / (r * r) : 0);
+            top[k] = Math.max(top[k], tube.bare && !tube.still ? Math.min(high, floor[k] + CLIMBS) : high);
           }
       }
     }
