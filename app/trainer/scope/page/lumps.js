@@ -5,11 +5,11 @@
   const scope = window.bluntdissectScope;
   if (scope.Lumps) return;
   const { clamp, dice, mix } = scope.algebra;
-  const MANY = 1, FEW = 0.06;        // of the grid's cells that have a lump: at the rim, and off it
+  const MANY = 1, FEW = 0.05;        // of the grid's cells that have a lump: at the rim, and off it
   const MOST = 400;                  // lumps in a picture
   const WHOLE = 0.62, GONE = 0.12;   // cover at which a lump comes off, and at which it is gone
-  const SMALLEST = 0.7, LARGEST = 1.6, BACK = 2.5;  // mm: radii, and how far it is drawn back
-  const LOW = 0.6;                   // mm of a tube over the floor: none lies on a tube
+  const SMALLEST = 0.8, LARGEST = 1.8, BACK = 1;  // mm: radii, and how far it is drawn back
+  const LOW = 0.6, CLEAR = 2;        // mm of a tube over the floor, and cells beside it: none hides one
 
   class Lumps {
     constructor({ size }) {
@@ -23,7 +23,7 @@
     // Find those of a sheet that has been laid.
     hang({ x0, y0, cell, columns, rows, cover, floor, top, kept }) {
       this.count = 0;
-      const tube = k => kept[k] - floor[k] > LOW;
+      const near = [0, CLEAR, -CLEAR, CLEAR * columns, -CLEAR * columns], tube = k => near.some(off => kept[k + off] - floor[k + off] > LOW);
       for (let k = 0; k < cover.length; k++) {
         const { rank, radius, off } = this.list[k], whole = cover[k], i = k % columns, j = Math.floor(k / columns);
         if (whole > WHOLE || whole < GONE || this.count === MOST || i < 4 || j < 4 || i > columns - 5 || j > rows - 5) continue;
@@ -32,8 +32,8 @@
         const parted = (WHOLE - whole) / (WHOLE - GONE), back = BACK * parted / (steep * cell);
         const a = clamp(i + off[0] + back * along, 0, columns - 1), b = clamp(j + off[1] + back * up, 0, rows - 1);
         const m = Math.round(b) * columns + Math.round(a);
-        if (rank > mix(MANY, FEW, Math.sqrt(parted)) || tube(k) || tube(m)) continue;
-        const low = floor[m] + 0.4 * radius, high = Math.max(low, top[m] - 0.6 * radius), fall = clamp(1.5 * parted, 0, 1);
+        if (rank > mix(MANY, FEW, parted) || tube(m)) continue;
+        const low = floor[m] + 0.4 * radius, high = Math.max(low, top[m] - 0.25 * radius), fall = clamp(1.5 * parted, 0, 1);
         const side = (1 - fall) / steep, long = Math.hypot(1 - fall, 0.5), n = 4 * this.count++;
         this.places.set([x0 + a * cell, y0 + b * cell, mix(high, low, fall), radius * (1 - parted ** 2)], n);
         this.hangs.set([-side * along / long, -side * up / long, -0.5 / long, k % 1000 * 0.37], n);
