@@ -547,3 +547,83 @@ def test_a_right_angle_s_tip_is_turned_by_keys_and_buttons(
         replay = Replay(kept.log, session.tissue.dissection.organ)
         replay.seek(replay.duration)
         assert replay.session.spatial.hands[1].aim == hand.aim
+
+
+# Frames are read no more; of the artery alone, pulled apart at its torn element, the place of a
+# node, and both ends; `drawn` is whether it is drawn at all.
+TORN_APART = """drawn => { const p = bluntdissectScope.picture, { state } = p;
+    const number = p.tubes.findIndex(each => each.tube.name === "artery");
+    const { tube, uniforms } = p.tubes[number], torn = Math.floor(tube.count / 2);
+    const at = i => state.rows.subarray(4 * (tube.first + i), 4 * (tube.first + i) + 3);
+    if (state.head[60] !== number + 1) {
+        state.take = () => { state.frames++; };
+        state.head = state.head.slice();
+        state.head.set([number + 1, torn], 60);
+        for (let i = torn + 1; i < tube.count; i++) at(i)[1] += 14;
+        state.nodeTexture.needsUpdate = true;
+    }
+    p.version = -1;
+    for (const mesh of p.meshes) mesh.visible = drawn && mesh.material.uniforms === uniforms;
+    const beyond = (a, b) => Array.from(a, (x, k) => x + 0.38 * (x - b[k]));
+    return [Array.from(at(torn - 1)), beyond(at(torn), at(torn - 1)),
+        beyond(at(torn + 1), at(torn + 2))]; }"""
+
+# How many lumps hang while all is whole, once what is near the artery's middle has parted, and
+# again; and how far each is from the axis of the tube that is nearest, less that one's radius, mm.
+LUMPS = """() => { const { state, sheet } = bluntdissectScope.picture;
+    const hung = () => { sheet.drape(state); const all = new bluntdissectScope.Lumps(sheet);
+        all.hang(sheet); return [...all.places.subarray(0, 4 * all.count)]; };
+    state.take = () => { state.frames++; };
+    const artery = state.tubes.find(each => each.name === "artery");
+    const tubes = state.tubes.filter(each => !each.bare);
+    const [x, y] = state.at(artery, artery.count / 2), whole = hung().length / 4;
+    for (let i = 0; i < state.count; i++)
+        if (Math.hypot(state.ends[8 * i] - x, state.ends[8 * i + 1] - y) < 14) state.parted[i] = 1;
+    const first = hung(), second = hung(), off = [];
+    for (let n = 0; n < first.length; n += 4) off.push(Math.min(...tubes.flatMap(tube =>
+        Array.from({ length: 4 * tube.count }, (_, s) => state.at(tube, s / 4)).map(
+            ([a, b, , r]) => Math.hypot(a - first[n], b - first[n + 1]) - r))));
+    return [whole, first, second, off]; }"""
+PARTED = (
+    """() => { const p = bluntdissectScope.picture; p.state.parted.fill(1); p.stale = true; }"""
+)
+
+
+def test_what_fat_covered_is_seen_and_lumps_hang_at_its_rim(
+    calot: Trainer, drawing_browser: Browser
+) -> None:
+    """By the strands alone: none while all are whole, and the same whenever the same have parted;
+    none lies on a tube, whose pixels are seen."""
+    with scope_page(drawing_browser, calot) as page:
+        beam = page.view.session.spatial.beam
+
+        def redness() -> float:
+            """Of the pixels where the artery is."""
+            picture, places = page.pixels(), beam.places_at(np.arange(6.0, 16.0), "artery")
+            toward = page.camera.axes[:, 2]  # its wall is 1 mm before its axis
+            return float(np.median([red(page.at(picture, each + toward)) for each in places]))
+
+        before = redness()
+        whole, first, second, off = page.tab.page.evaluate(LUMPS)
+        assert whole == 0
+        assert len(first) > 4 * 10
+        assert first == second
+        assert min(off) > 1.0  # mm
+        page.tab.page.evaluate(PARTED)
+        page.tab.wait_until(lambda: redness() > 1.3 * before, 60.0)
+
+
+def test_nothing_is_drawn_between_the_ends_of_a_torn_tube(
+    calot: Trainer, drawing_browser: Browser
+) -> None:
+    """Its wall, which is one surface, does not span the gap, however far they are drawn apart."""
+    with scope_page(drawing_browser, calot) as page:
+        node, one, other = np.array(page.tab.page.evaluate(TORN_APART, True))
+        drawn = page.pixels()
+        page.tab.page.evaluate(TORN_APART, False)
+        empty = page.pixels()
+        assert np.abs(page.at(drawn, node) - page.at(empty, node)).max() > 30.0
+        assert math.dist(one, other) > 5.0
+        for part in np.linspace(0.25, 0.75, 6):
+            place = one + part * (other - one)
+            assert np.abs(page.at(drawn, place) - page.at(empty, place)).max() < 2.0
