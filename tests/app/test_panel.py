@@ -139,6 +139,25 @@ def test_errors_are_numbered_where_there_is_room_beside_their_marks(gui: viser.G
     assert ">1,167</text>" in drawn
 
 
+def test_an_error_of_no_hand_stands_across_the_rows_of_both(gui: viser.GuiApi) -> None:
+    """Its number lies on no mark of a hand."""
+    play = MagicMock()
+    values: Any = {"n": 3.0, "x": 20.0}
+    debrief = Debrief(gui, None, "", {}, play, play, decided=None, in_space=True)
+    metrics: Any = {"time_s": 10.0, "smallest_distance_to_break": 0.5}
+    found = [
+        Incident("repeated_holds", at, at, hand, 0, 20.0, "none", values)
+        for at, hand in ((2.0, 0), (4.0, 1), (6.0, None))
+    ]
+    debrief.show(Done(metrics, found, Series((), ())))
+    drawn = str(debrief._html.content)
+    marks = re.findall(r"<rect x='[\d.]+' y='([\d.]+)' width='[\d.]+' height='([\d.]+)'", drawn)
+    (left, tall), (right, same), (top, both) = [(float(y), float(high)) for y, high in marks]
+    assert tall == same
+    assert (top, top + both) == (left, right + tall)
+    assert "Across both: what no hand alone has made." in drawn
+
+
 def test_a_hundred_errors_of_one_class_hide_no_others(gui: viser.GuiApi) -> None:
     """A few of each class are listed, and how many more there are of which."""
     play = MagicMock()

@@ -380,15 +380,19 @@ def _timeline_html(
     ]
     rows = HANDS if in_space else ("errors",)
     spans = [(x(each.start_s), max(x(each.end_s), x(each.start_s) + 3.0)) for each in incidents]
-    row_of = [each.hand or 0 if in_space else 0 for each in incidents]
+    # What no hand alone has made stands across the rows of both.
+    row_of = [each.hand if in_space else 0 for each in incidents]
+    words += " Across both: what no hand alone has made." * (None in row_of)
     taken = [
-        [span for span, at in zip(spans, row_of, strict=True) if at == row]
+        [span for span, at in zip(spans, row_of, strict=True) if at in (row, None)]
         for row in range(len(rows))
     ]
-    for number, ((start, stop), row, uuid) in enumerate(
+    for number, ((start, stop), hand, uuid) in enumerate(
         zip(spans, row_of, moments, strict=True), 1
     ):
-        top = HEIGHT + 5.0 + ROW * row
+        row = hand or 0
+        top, tall = HEIGHT + 5.0 + ROW * row, 1 if hand is not None else len(rows)
+        colour = "currentColor" if hand is None else HAND_COLOURS[hand]
         # Beside its mark, or before it; the more important ones come first.
         wide = DIGIT * len(str(number))
         places = [(stop + 2.0, stop + 2.0 + wide), (start - 2.0 - wide, start - 2.0)]
@@ -403,8 +407,8 @@ def _timeline_html(
             name = f"<text x='{room[0]:.1f}' y='{top + 9}'>{number}</text>"
         phrases.append(
             f"<g data-command='{uuid}' style='cursor:pointer'>"
-            f"<rect x='{start:.1f}' y='{top}' width='{stop - start:.1f}' height='{ROW - 5}' "
-            f"rx='2' fill='{HAND_COLOURS[row]}'/>{name}</g>"
+            f"<rect x='{start:.1f}' y='{top}' width='{stop - start:.1f}' "
+            f"height='{ROW * tall - 5}' rx='2' fill='{colour}'/>{name}</g>"
         )
     bottom = HEIGHT + 7.0 + ROW * len(rows)
     phrases += [
