@@ -10,12 +10,13 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from app.anatomy.anatomy_file import anatomy_named
+from app.anatomy.anatomy_file import anatomy_named, shipped_anatomies
 from app.anatomy.anatomy_network import anatomy_network
 from app.anatomy.tables import Anatomy
 from physics.bed import BeamOnBed
 
 ANATOMY = "normal"
+"""That whose tubes and strands are varied."""
 STEPS, SECONDS = 1000, 1e-3
 LIFT = 8e-3
 """mm a step: 8 mm/s."""
@@ -63,16 +64,18 @@ def pulled(live: BeamOnBed, rods: bool) -> dict[str, float]:
 
 def measure_network(console: Console) -> dict[str, Any]:
     """Print and return the figures of a step, all of one run."""
-    anatomy = anatomy_named(ANATOMY)
-    count = len(anatomy.tube)
+    usual = anatomy_named(ANATOMY)
+    others = [anatomy_named(each) for each in shipped_anatomies() if each != ANATOMY]
+    count = len(usual.tube)
     cases = [
-        *((count, 1.0, rods) for rods in (False, True)),
-        *((tubes, 1.0, False) for tubes in range(1, count)),
-        *((count, strands, False) for strands in (0.25, 0.5, 2.0)),
+        *((usual, count, 1.0, rods) for rods in (False, True)),
+        *((usual, tubes, 1.0, False) for tubes in range(1, count)),
+        *((usual, count, strands, False) for strands in (0.25, 0.5, 2.0)),
+        *((each, len(each.tube), 1.0, False) for each in others),
     ]
     figures: dict[str, Any] = {}
-    console.print(f"\nTubes of `{ANATOMY}`, lifted: processor time of a step of 1/1000 s, us")
-    for tubes, strands, rods in cases:
+    console.print("\nTubes, lifted: processor time of a step of 1/1000 s, us")
+    for anatomy, tubes, strands, rods in cases:
         begun = time.thread_time()
         network = anatomy_network(subset_of(anatomy, tubes, strands))
         live = network.on_bed(rods=2)
@@ -80,10 +83,10 @@ def measure_network(console: Console) -> dict[str, Any]:
         found = pulled(live, rods)
         found |= {"strands": network.strands.count, "nodes": len(live.places)}
         found |= {"blocks": len(live.state.block), "built_ms": 1e3 * built}
-        key = f"{tubes}_tubes_{strands:g}_strands"
+        key = f"{anatomy.name}_{tubes}_tubes_{strands:g}_strands"
         figures[key + ("_two_rods" if rods else "")] = found
         console.print(
-            f"{tubes} tubes, {found['nodes']} nodes, {found['strands']} strands"
+            f"{anatomy.name}, {tubes} tubes, {found['nodes']} nodes, {found['strands']} strands"
             f"{', two rods' if rods else ''}: median "
             f"{found['median_us']:.0f}, 99.9 % {found['p99_9_us']:.0f}",
             highlight=False,
