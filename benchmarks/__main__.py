@@ -30,6 +30,7 @@ from benchmarks.engine import Engine
 from benchmarks.evidence import measure_evidence
 from benchmarks.exact_beam import exact_engines
 from benchmarks.faults import measure_faults
+from benchmarks.finder_cost import measure_finder
 from benchmarks.geometry import measure_geometry, plain_table
 from benchmarks.haptic_servo import measure_haptics
 from benchmarks.network_step import measure_network
@@ -157,6 +158,7 @@ BENCHMARKS: dict[str, Callable[[Console], dict[str, Any]]] = {
     "bed": measure_bed,
     "network": measure_network,
     "exercises": measure_exercises,
+    "finder": measure_finder,
     "study": measure_study,
     "policies": measure_policies,
     "evidence": measure_evidence,

@@ -5,8 +5,6 @@ least one must be found.
 """
 
 import math
-import statistics
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -43,7 +41,6 @@ from app.simulation import (
 )
 from app.simulation.scripts.exercise_limits import AT_ANATOMY, IN_BED
 from app.simulation.scripts.scripted_hands import Clip, Follow, Spread
-from app.simulation.session.error_finder import ErrorFinder
 from app.simulation.tissue.spatial_tissue import CLIP_OPENING
 
 BEDS, SEEDS, TREMOR = ("normal", "firm"), (71, 72), 0.15
@@ -758,32 +755,6 @@ def good(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         yield from opened(hands, 40.0, 2.0 * technique.speed)
 
 
-def finder_us() -> dict[str, float]:
-    """Return how long it takes to find errors in a tick, us: the median, by exercise."""
-    take, found = ErrorFinder.take, dict[str, float]()
-    for name in IN_BED:
-        exercises("normal")  # found before, as hands do them meanwhile
-        times: list[float] = []
-
-        def timed(
-            self: ErrorFinder,
-            stretches: list[tuple[float, float]],
-            out_of_sight: int,
-            times: list[float] = times,
-        ) -> None:
-            start = time.perf_counter()
-            take(self, stretches, out_of_sight)
-            times.append(time.perf_counter() - start)
-
-        ErrorFinder.take = timed
-        try:
-            done(name, "normal", 71, good, tremor=TREMOR)
-        finally:
-            ErrorFinder.take = take
-        found[name] = 1e6 * statistics.median(times)
-    return found
-
-
 def measure_faults(console: Console) -> dict[str, Any]:
     """Print and return how well each class is found, and what good hands are accused of."""
     # Of a fault that is meant to show one class: where it may show several, the first that fails
@@ -833,9 +804,4 @@ def measure_faults(console: Console) -> dict[str, Any]:
             f"  {error}: found in {found[error]} of {meant[error]}; good hands without it {clean}",
             highlight=False,
         )
-    cost = finder_us()
-    took = ", ".join(f"{name} {each:.0f} us" for name, each in cost.items())
-    console.print(f"To find errors in a tick of good hands: {took}", highlight=False)
-    return {
-        "runs": runs, "named": right, "passed": passed, "classes": figures, "finder_us": cost,
-    }  # fmt: skip
+    return {"runs": runs, "named": right, "passed": passed, "classes": figures}
