@@ -257,8 +257,15 @@ class ClassStore:
             self._db.close()
 
     def delete(self) -> None:
-        """Close it and remove all of it."""
-        self.close()
+        """Close it and remove all of it; `ClassFileError` where it is open elsewhere."""
+        try:  # which needs the file for itself alone
+            self._db.execute("PRAGMA journal_mode=DELETE")
+        except sqlite3.OperationalError as error:
+            raise ClassFileError(
+                f"{self.title} is open: end that with Ctrl+C first, in its terminal"
+            ) from error
+        finally:
+            self.close()
         for suffix in ("", "-wal", "-shm"):
             self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
 

@@ -179,7 +179,10 @@ def course(
             after = f", after {', '.join(each.needs)}" if each.needs else ""
             print(f"  {each.id}: {each.title}, {each.passes} passes in a row{after}")
         for each in book.course.benchmark:
-            print(f"  benchmark of {each.metric} in {each.level}: {each.value:g} ({each.origin})")
+            level = book.course.level_of(each.level)
+            asked = "" if each.metric in level.benchmarks else ", not asked for"
+            origin = f"{each.origin}{asked}"
+            print(f"  benchmark of {each.metric} in {each.level}: {each.value:g} ({origin})")
     finally:
         store.close()
 

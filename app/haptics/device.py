@@ -6,8 +6,10 @@ a function of one `DeviceOptions` that returns an open device or raises `DeviceE
 """
 
 import importlib.metadata
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
@@ -68,7 +70,10 @@ class Device(Protocol):
         ...
 
     def trouble(self) -> str | None:
-        """Return the errors since the last call, in one line; None if there were none."""
+        """Return the errors since the last call, in one line; None if there were none.
+
+        It is asked for after an exchange that had no state.
+        """
         ...
 
     def close(self) -> None:
@@ -98,5 +103,20 @@ def open_device(name: str, options: DeviceOptions) -> Device:
                 raise DeviceError(
                     f"the driver of {name}, {entry.value}, cannot be loaded: {error}"
                 ) from error
-            return opener(options)
+            try:
+                device = cast("Device | None", opener(options))
+            except (DeviceError, OSError):
+                raise
+            except Exception as error:
+                raise DeviceError(driver_failure(name, error)) from error
+            if device is None:
+                raise DeviceError(f"the driver of {name}, {entry.value}, returned no device")
+            return device
     raise DeviceError(f"unknown device {name!r}; there are: {', '.join(device_names())}")
+
+
+def driver_failure(name: str, error: Exception) -> str:
+    """Return in words what went wrong in a device's driver, and in which line of which file."""
+    *_, last = traceback.extract_tb(error.__traceback__)
+    at = f"{Path(last.filename).name}, line {last.lineno}"
+    return f"the driver of {name} failed: {type(error).__name__}: {error} ({at})"

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from app.haptics.device import Device, DeviceError, DeviceState, WaitingDevice
+from app.haptics.device import Device, DeviceError, DeviceState, WaitingDevice, driver_failure
 from app.haptics.device_run import Recorder
 from app.haptics.duct_choice import passive_delay
 from app.haptics.haptic_beam import HapticBeam
@@ -139,11 +139,15 @@ class Servo:
             if seconds is not None and now - start >= seconds:
                 why = "its time is over"
                 break
+            hand = 0
             try:
                 for hand in range(hands):
                     inputs[hand] = self._exchange_with(hand, units)
             except (DeviceError, OSError) as error:
                 why, self._failed = str(error), True
+                break
+            except Exception as error:  # of a driver that somebody else has written
+                why, self._failed = driver_failure(self.devices[hand].name, error), True
                 break
             stepping = clock()
             loop.step(units, inputs)

@@ -70,8 +70,8 @@ Scripted faults (`benchmarks/faults.py`) are {faults} ways to do an exercise wro
 speeds each. Another {cheats} scripts (`benchmarks/cheat_scripts.py`) look for a pass without what
 an exercise teaches: none finds one. [How the exercises were tested](exercises-tested.md) has the
 figures of each class. To find errors takes 6 to 8 µs of a tick in the median
-while good hands do an exercise at one duct, and 12 µs, 18 µs in the mean, while the recorded hands
-do *Critical view* (`python -m benchmarks finder`, two quiet cores, 29 November 2026).
+while good hands do an exercise at one duct. While the recorded hands do *Critical view* it takes
+12 µs, and 18 µs in the mean (`python -m benchmarks finder`, two quiet cores, 29 November 2026).
 
 One author wrote the faults and their finder, and every hand here is a script: whether raters see
 the same errors in people's runs has not been measured. Holds slip, and walls tear in part, at

@@ -126,7 +126,12 @@ def test_a_backup_of_an_open_class_is_a_class(store: ClassStore, tmp_path: Path)
         store.back_up(backup)
     copy = ClassStore(backup)
     assert (copy.people(), copy.runs()) == (store.people(), store.runs())
-    copy.delete()
+    # It is not deleted while another has it open.
+    other = ClassStore(backup)
+    with pytest.raises(ClassFileError, match="Surgery 3A is open: end that with Ctrl"):
+        copy.delete()
+    assert other.people() == store.people()
+    other.delete()
     assert not list(tmp_path.glob("backup*"))
     assert store.people() == [ann]
 

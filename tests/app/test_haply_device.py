@@ -337,6 +337,15 @@ def test_what_is_no_service_is_said_before_anything_is_felt() -> None:
             Service(lambda *_: [], first).opened()
 
 
+def opened_by_zero(options: DeviceOptions) -> object:
+    """A driver with a fault of its own."""
+    return options.number / 0
+
+
+def nothing(_: DeviceOptions) -> None:
+    """A driver that forgets its device."""
+
+
 def test_devices_are_found_by_their_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {"haply", "force-dimension", "virtual"} <= set(device_names())
     with pytest.raises(DeviceError, match=r"there are: .*virtual"):
@@ -346,6 +355,16 @@ def test_devices_are_found_by_their_entry_points(monkeypatch: pytest.MonkeyPatch
         patched.setattr("importlib.metadata.entry_points", lambda group: [broken])
         with pytest.raises(DeviceError, match=r"open_nothing, cannot be loaded: .*open_nothing"):
             open_device("broken", DeviceOptions("", 0.001))
+        # A fault of the driver's own is named with its place; one that gives nothing is none.
+        fails = EntryPoint("fails", f"{__name__}:opened_by_zero", "bluntdissect.haptics")
+        patched.setattr("importlib.metadata.entry_points", lambda group: [fails])
+        says = r"the driver of fails failed: ZeroDivisionError: .*test_haply_device.py, line \d+\)"
+        with pytest.raises(DeviceError, match=says):
+            open_device("fails", DeviceOptions("", 0.001))
+        empty = EntryPoint("empty", f"{__name__}:nothing", "bluntdissect.haptics")
+        patched.setattr("importlib.metadata.entry_points", lambda group: [empty])
+        with pytest.raises(DeviceError, match=r"empty, .*:nothing, returned no device"):
+            open_device("empty", DeviceOptions("", 0.001))
     device = open_device("virtual", DeviceOptions("", 0.001, HandScript()))
     into = DeviceState()
     assert device.exchange(np.zeros(3), into)
