@@ -164,7 +164,8 @@ def test_a_driver_is_written_in_forty_lines() -> None:
     )
     assert report.ended_by == "enough"
     assert loop.model.forces[0, 2] == pytest.approx(2.0, rel=0.05)  # it pulls with 2 N
-    device.left, device.place = 10, None  # a fault of the driver ends the run, and is named with its place
+    # A fault of the driver ends the run, and is named with its place.
+    device.left, device.place = 10, None
     report = Servo([device], loop).run(None, lambda: None)
     assert re.match(
         r"the driver of spring box failed: TypeError: .+ \(<string>, line \d+\)", report.ended_by
