@@ -1043,12 +1043,12 @@ def test_any_tube_s_tear_ends_and_is_told(lead: ScopeLead) -> None:
 @pytest.mark.parametrize(
     ("to_ring", "holds", "in_tissue", "words"),
     [
-        ((-4.0, 2.0, 18.0), False, False, "cross 4 left, 2 up mm, then 12 notches in"),
-        ((4.0, 2.0, -3.0), False, False, "ring 4 right, 2 up mm, then 2 notches out"),
+        ((-4.0, 2.0, 18.0), False, False, "cross 4 left, 2 up mm, 12 notches in"),
+        ((4.0, 2.0, -3.0), False, False, "ring 4 right, 2 up mm, 2 notches out"),
         ((4.0, 2.0, -9.0), False, False, "6 notches out"),
-        ((4.0, 2.0, -3.0), False, True, "ring 4 right, 2 up mm, then 2 notches out"),
+        ((4.0, 2.0, -3.0), False, True, "ring 4 right, 2 up mm, 2 notches out"),
         ((14.0, -2.0, 1.5), False, True, "out of the tissue first (wheel back)"),
-        ((14.0, -2.0, 1.5), False, False, "ring 14 right, 2 down mm, then 1 notch in"),
+        ((14.0, -2.0, 1.5), False, False, "ring 14 right, 2 down mm, 1 notch in"),
         ((0.3, 0.2, 1.5), False, True, "1 notch in"),
         ((14.0, -2.0, 1.5), True, False, "drag 14 right, 2 down mm, then 1 notch in"),
     ],

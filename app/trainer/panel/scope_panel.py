@@ -499,7 +499,7 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool, in_tissue: bool)
     if into < -FAR_OUT_MM or math.hypot(right, up) <= LEAST_MM:
         return wheel
     mark = "cross" if into > CROSS_MM else "ring"
-    return ", then ".join(filter(None, (f"{mark} {aside} mm", wheel)))
+    return ", ".join(filter(None, (f"{mark} {aside} mm", wheel)))
 
 
 def _text() -> str:
