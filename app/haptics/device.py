@@ -105,8 +105,6 @@ def open_device(name: str, options: DeviceOptions) -> Device:
                 ) from error
             try:
                 device = cast("Device | None", opener(options))
-            except (DeviceError, OSError):
-                raise
             except Exception as error:
                 raise DeviceError(driver_failure(name, error)) from error
             if device is None:
@@ -116,7 +114,9 @@ def open_device(name: str, options: DeviceOptions) -> Device:
 
 
 def driver_failure(name: str, error: Exception) -> str:
-    """Return in words what went wrong in a device's driver, and in which line of which file."""
+    """Return in words what a device's driver raised: a fault of its own with file and line."""
+    if isinstance(error, DeviceError | OSError):
+        return str(error)
     *_, last = traceback.extract_tb(error.__traceback__)
     at = f"{Path(last.filename).name}, line {last.lineno}"
     return f"the driver of {name} failed: {type(error).__name__}: {error} ({at})"

@@ -143,10 +143,7 @@ class Servo:
             try:
                 for hand in range(hands):
                     inputs[hand] = self._exchange_with(hand, units)
-            except (DeviceError, OSError) as error:
-                why, self._failed = str(error), True
-                break
-            except Exception as error:  # of a driver that somebody else has written
+            except Exception as error:  # a driver may be somebody else's
                 why, self._failed = driver_failure(self.devices[hand].name, error), True
                 break
             stepping = clock()

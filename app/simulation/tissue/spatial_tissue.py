@@ -321,9 +321,8 @@ class SpatialTissue:
         self.nicked = [0.0] * len(tubes.names)  # how deep each is torn, of its height
         # of the strength, of each tube
         self.stress_ratios = [0.0] * len(tubes.names)
-        # Those of the last tick, with its leaps, and by how much they had risen in it.
-        self._found_ratios: list[float] = self.stress_ratios
-        self._rises: list[float] = self.stress_ratios
+        # Those of the last two ticks, with their leaps.
+        self._found_ratios: tuple[list[float], list[float]] = self.stress_ratios, self.stress_ratios
         # the largest; where, mm from that tube's first end, and of which tube
         self.stress_ratio, self.station, self.worst_tube = 0.0, 0.0, 0
         self._leaking: set[tuple[str, str]] = set()  # fluids and tubes that lose some
@@ -857,10 +856,10 @@ class SpatialTissue:
         else:
             worsts = beam.worst_stresses()
             ratios = [a.total / b for a, b in zip(worsts, self.strengths, strict=True)]
-        rises = [now - then for now, then in zip(ratios, self._found_ratios, strict=True)]
-        before, self._found_ratios, self._rises = self._rises, ratios, rises
+        before, last = self._found_ratios
+        self._found_ratios = last, ratios
         if max(ratios) > 1.0:
-            ratios = self._without_leaps(ratios, rises, before)
+            ratios = self._without_leaps(ratios, last, before)
         self.stress_ratios = ratios
         ratio = self.stress_ratio = max(ratios)
         tube = self.worst_tube = ratios.index(ratio)
@@ -871,12 +870,12 @@ class SpatialTissue:
             self._tear_walls()
 
     def _without_leaps(
-        self, ratios: list[float], rises: list[float], before: list[float]
+        self, ratios: list[float], last: list[float], before: list[float]
     ) -> list[float]:
-        """Return stresses as they were judged last where they leap; `before` is the last rise."""
+        """Return stresses as they were judged last where they leap from the last tick's."""
         leaps = [
-            now > 1.0 and rise > max(LEAP, MORE_THAN_BEFORE * last)
-            for now, rise, last in zip(ratios, rises, before, strict=True)
+            now > 1.0 and now - then > max(LEAP, MORE_THAN_BEFORE * (then - earlier))
+            for now, then, earlier in zip(ratios, last, before, strict=True)
         ]
         self._still = self._still and not any(leaps)
         return [

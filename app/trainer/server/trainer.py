@@ -348,7 +348,8 @@ class Trainer:
         except Exception:
             if number in self._server.get_clients():
                 log.exception("the session of client %d has stopped", number)
-                cover_page(client, STOPPED, waits=False)
+                with self._surviving("telling a client"):
+                    cover_page(client, STOPPED, waits=False)
             return
         with self._views_lock:
             # viser runs this in a thread pool: the tab may have been closed in the meantime.

@@ -20,7 +20,8 @@ def copy_blocks(to: Floats, of: Floats) -> None:
 @inner
 def take_product(of: Floats, y: Floats, z: Floats) -> None:
     """Take y^T z from a block."""
-    # Six sums side by side, here and below, which the compiler may take several at once.
+    # Six sums side by side, here and below, which the compiler may take several at once. One kernel
+    # for all, with the number of rows as an argument, is not unrolled, and as slow as plain loops.
     for r in range(6):
         a, b, c, d, e, f = of[r, 0], of[r, 1], of[r, 2], of[r, 3], of[r, 4], of[r, 5]
         for k in range(6):
