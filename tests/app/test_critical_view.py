@@ -246,6 +246,43 @@ def test_jaws_that_part_once_more_are_closed_once_more() -> None:
     ]
 
 
+def test_what_is_left_at_the_neck_is_slackened_and_parted_by_a_dissector() -> None:
+    """Between the cystic duct and what enters beside it; elsewhere, while little parts."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    exercise = exercise_at(anatomy_named("normal"), "critical_view")
+    assert exercise is not None
+    session.start_exercise(exercise)
+    tissue, safety = session.spatial, Safety(session.spatial)
+    strands, names = tissue.tubes.strands, tissue.tubes.names
+    duct, artery = names.index("cystic"), names.index("artery")
+    beside = (strands.tubes == artery) & (strands.to == duct) & safety.lacking("tubes")
+    beside[np.flatnonzero(beside)[30:]] = False
+    tissue.beam.detach(~beside)
+    assert safety.critical_view().next_parts(5) == ["tubes"]
+    guidance, places, asked = Guidance(safety), list[np.ndarray](), list[str]()
+    for _ in range(80):
+        step = guidance.next_step(exercise, viewed=False)
+        assert step is not None
+        if "part the" in step.words:
+            assert step.tool == "dissector"
+            places.append(np.array(step.place))
+            along = np.array(step.along)
+            at = tissue.beam.places_at(strands.to_stations[beside].mean(keepdims=True), "cystic")
+            to = tissue.beam.places_at(strands.stations[beside].mean(keepdims=True), "artery")
+            assert along @ (to - at)[0] * (along @ (safety.corners()[1] - at[0])) < 0.0
+        # Its jaws part nothing.
+        whole = tissue.beam.state.damage.copy()
+        asked.append(obey(session, step))
+        tissue.beam.state.damage[:] = whole
+        if len(places) > 3:
+            break
+    done = [each for each in asked if each != "wait"]
+    assert done[:4] == ["hold", "draw", "draw", "draw"]
+    assert "between cystic artery and cystic duct" in step.words
+    first, second = places[0], places[1]
+    assert np.linalg.norm(first - second) > 0.5
+
+
 def test_a_right_angle_parts_what_crosses_what_its_jaws_sweep() -> None:
     """A rectangle behind its end, as wide as they part; no wall is in its way, or it says which."""
     tissue = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW).spatial

@@ -98,8 +98,12 @@ def part_the_triangle(trainee: Trainee) -> None:
     trainee.pull(UP, 8.0)
 
 
-MARKED: dict[Structure, str] = {"cystic duct": "cystic", "cystic artery": "artery"}
-"""The tubes that structures are."""
+MARKED: dict[str, tuple[Structure, str]] = {
+    "second cystic artery": ("cystic artery", "artery2"),
+    "cystic artery": ("cystic artery", "artery"),
+    "cystic duct": ("cystic duct", "cystic"),
+}
+"""Structures, and the tubes that they are, by what they are called."""
 
 
 def followed(seed: int, name: str = "first_view", seconds: float = 300.0) -> Trainee:
@@ -115,7 +119,7 @@ def followed(seed: int, name: str = "first_view", seconds: float = 300.0) -> Tra
         step = trainee.lead.next_step
         if run.over or step is None:
             break
-        marked = [each for each in MARKED.items() if f"mark the {each[0]}" in step.words]
+        marked = [each for name, each in MARKED.items() if f"mark the {name}" in step.words]
         if marked:
             trainee.mark(*marked[0])
             continue

@@ -53,17 +53,21 @@ from app.simulation.tissue.jaw_steps import DEEPER_MM, LEFT_MM, JawSteps
 from app.simulation.tissue.parting import PartingPlaces
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import (
+    AHEAD_TICKS,
     BENT_STEADY,
     CLOSED_ON,
     CLOSES_MM_S,
     GRIPS_AT,
     HOLDS_MM_S,
+    INSISTS,
     JUDGED_TICKS,
     LEAST_PUSH_N,
+    LEAST_SPEED,
     NEXT_SLACKENS,
     NOT_IN_RING,
     NOTCH_MM,
     OFF_MM,
+    PARTS_MM_S,
     PUSHED,
     QUICK_MOVES,
     RISES,
@@ -527,6 +531,19 @@ def test_jaws_part_at_once_but_are_not_thrown_open(lead: ScopeLead) -> None:
     assert hand.opening == 0.0
 
 
+def test_jaws_slow_down_before_a_wall_comes_to_the_stop(lead: ScopeLead) -> None:
+    """What slips off them goes from the stop to its break within a few ticks."""
+    tissue, steps = lead.session.spatial, list[float]()
+    lead.choose(1)
+    lead.use_instrument()
+    hand = tissue.hands[1]
+    for stress in (0.1, 0.5, 0.69, 0.69):
+        tissue.stress_ratio, before = stress, hand.target_opening
+        lead.advance(1)
+        steps.append((hand.target_opening - before) / (PARTS_MM_S * TICK_SECONDS))
+    assert steps == pytest.approx([1.0, 0.2 / (AHEAD_TICKS * 0.4), LEAST_SPEED, 1.0])
+
+
 def test_jaws_that_close_on_a_wall_wait_until_they_are_off_it(lead: ScopeLead) -> None:
     """They crush nothing, come off it by the key that closed them, and close further from it."""
     session, tissue = lead.session, lead.session.spatial
@@ -709,7 +726,7 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     """Whoever has a mouse feels no force: a drag is led no further, each click or key a little."""
     taut(lead)
     session, tissue = lead.session, lead.session.spatial
-    start, before = tissue.hands[0].place.copy(), tissue.stress_ratio
+    start = tissue.hands[0].place.copy()
     lead.choose(0)
     lead.lead_hand(start + tissue.hands[0].jaws + [0.0, 0.0, 20.0])
     pass_time(lead, session, 2.0)
@@ -724,9 +741,10 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
         pass_time(lead, session, 2 * TICK_SECONDS)
     assert np.linalg.norm(tissue.hands[0].place - start) < 0.3
     pass_time(lead, session, 1.0)
+    before = tissue.stress_ratio
     lead.nudge(0.0, 0.5, 0.0)
     pass_time(lead, session, 0.5)
-    assert before < tissue.stress_ratio < 1.0
+    assert before < tissue.stress_ratio < before + 2.0 * INSISTS
     lead.lead_hand(start + tissue.hands[0].jaws - [0.0, 0.0, 4.0])  # it gives way at any time
     pass_time(lead, session, 2.0)
     assert tissue.stress_ratio < STOPS_AT

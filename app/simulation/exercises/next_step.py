@@ -42,6 +42,10 @@ DRAW_OFF = (
     "Next: draw the {} off the liver with the left hand's grasper: drag it slowly into the "
     "ring, {:.0f} of {:.0f} mm."
 )
+DRAW_DOWN = (
+    "Next: draw the {} towards the common duct with the left hand's grasper: drag it slowly into "
+    "the ring, {:.0f} of {:.0f} mm."
+)
 LIFT = (
     "Next: lift the {} with the left hand's grasper: drag it slowly into the ring, {:.0f} of "
     "{:.0f} mm."

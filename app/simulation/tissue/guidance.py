@@ -19,6 +19,7 @@ from app.simulation.exercises.goals import CriticalView as Goal
 from app.simulation.exercises.goals import StopBleeding
 from app.simulation.exercises.next_step import (
     DRAW_ASIDE,
+    DRAW_DOWN,
     DRAW_OFF,
     ELSEWHERE,
     LET_BACK,
@@ -44,9 +45,9 @@ Floats = NDArray[np.float64]
 
 BEGUN = 0.1
 """Of the triangle's strands that have parted, from which on one has begun."""
-NECK_MM, BODY_MM = 8.0, (13.0, 18.0, 10.0)
-"""mm from the gallbladder's neck, where it is held to be drawn aside or lifted, and where to be
-drawn off the liver, one after the other."""
+NECK_MM, SLACK_MM, BODY_MM = 8.0, 4.0, (13.0, 18.0, 10.0)
+"""mm from the gallbladder's neck, where it is held to be drawn aside or lifted, where to be drawn
+towards the common duct, and where to be drawn off the liver, one after the other."""
 STAGES, STAGE_MM = 3, 3.0
 """In which it is drawn, and mm of each."""
 MOST_TRIES = 3
@@ -60,8 +61,9 @@ EASED = 0.45
 """Of a wall's break, to which what pulls is slackened once it is over `TAUT`."""
 EASES_MM = 3.0
 """By which what is held is let back at a time."""
-GRIPPED = 0.85
-"""Of the pull at which tissue slips out of a grasper, from which on it is drawn no further."""
+GRIPPED, GIVES_WAY = 0.85, 15
+"""Of the pull at which tissue slips out of a grasper, and strands that part, from which on it is
+drawn no further: more of them may part at once, and a vessel take the pull over."""
 PUSHES_N = 0.1
 """Force from which on a hand can be what strains a wall."""
 MOVED_MM = 0.05
@@ -82,6 +84,7 @@ class _Pull(NamedTuple):
 
 ASIDE = _Pull(DRAW_ASIDE, (0.1, 0.74, 0.67))
 OFF_THE_LIVER = _Pull(DRAW_OFF, (-0.98, -0.2, 0.0))
+TO_COMMON = _Pull(DRAW_DOWN, (-0.71, -0.64, 0.3))
 UP = _Pull(LIFT, (0.0, -0.2, 0.98), lets_go=True)
 
 
@@ -92,6 +95,7 @@ class _Pulling:
     pull: _Pull
     station: float
     start: Floats | None = None  # (3,) mm, where what is held was then; None until it is held
+    broken: int = 0  # strands, that had parted then
     stage: int = 0
     drawn: bool = False
 
@@ -212,6 +216,11 @@ class Guidance:
                 return None
             self._draws += 1
             return _Pulling(OFF_THE_LIVER, BODY_MM[(self._draws - 1) % len(BODY_MM)])
+        if self._part == "tubes" and site.beside is None:
+            # What runs into the neck is slack then, and jaws open wide between.
+            if self._held_for is not TO_COMMON or tried:
+                return _Pulling(TO_COMMON, SLACK_MM)
+            return None
         if tried or (site.where == "under" and held is not None):
             return _Pulling(UP, NECK_MM, held)
         return None
@@ -234,8 +243,10 @@ class Guidance:
             if self._held_for is not None:  # it is held elsewhere
                 return NextStep(LET_GO.format(name, ELSEWHERE), strands, hand=LEFT)
             pulling.start = self._held_from = held
+            pulling.broken = self.tissue.beam.broken
         # What can be pulled no harder has been drawn.
         pulling.drawn |= self.tissue.grip_ratio(self._holder or 0) > GRIPPED
+        pulling.drawn |= self.tissue.beam.broken - pulling.broken > GIVES_WAY
         while pulling.stage < STAGES:
             # By stages, so that whoever goes aside first and then deeper keeps near the line.
             far = STAGE_MM * (pulling.stage + 1)

@@ -57,9 +57,10 @@ LEAST_ACROSS = 0.2
 DEEPER_MM, CLEAR_MM = 3.0, 1.5
 """By which a bent tip that is drawn out and lifts a wall goes deeper again, and then along itself
 beyond that."""
-LEAVES_MM, LEAVES_FOR = 4.0, 6
-"""By which bent jaws go to the front, deeper or on along the tip, to leave a wall; and the
-judgements for which they are asked to while a wall stays strained."""
+LEAVES_MM, LEAVES_BACK_MM, LEAVES_FOR = 4.0, 6.0, 6
+"""By which bent jaws go to the front, deeper or on along the tip, to leave a wall, and back along
+the tip at most, as they take along what holds on to them; and the judgements for which they are
+asked to while a wall stays strained."""
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 
@@ -159,7 +160,7 @@ class JawSteps:
         elif self._state == "pinched" and opens:
             self._state, self._pinched_at = "to leave", hand.place.copy()
             self._pinched_side = self._side_of(self._wall)
-            self._pinched_far = self._far_off(self._wall)
+            self._pinched_far = min(self._far_off(self._wall), LEAVES_BACK_MM)
         elif self._state == "to leave":
             if self._tissue.stress_ratio > TAUT:
                 # A ring that moved at once could not be followed.

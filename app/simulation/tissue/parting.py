@@ -6,7 +6,9 @@ Jaws part them where they have room: beside a wall they press on the wall. So ea
 weighed by how many others are near and how far the next wall is, seen from the front. The tip goes
 a little behind them, so that shafts push them, and not tips.
 
-A right angle parts the rest (passes.py). A place counts less, each time that jaws have opened.
+A right angle parts the rest (passes.py). A place counts less, each time that jaws have opened. What
+is left at last runs from the cystic duct to what enters the neck beside it. A dissector parts that
+from the front: one jaw goes to the neck and the duct, the other away from both.
 """
 
 import math
@@ -42,6 +44,15 @@ time: in its middle all hold at once, and a wall nears its break before they par
 AGAIN, FORGOTTEN = 0.3, 60
 """Weight of a place where jaws have been; and strands that part until it has its whole weight
 again."""
+NECK_ONLY = 0.9
+"""Of what entering tubes lack, what leads to the cystic duct, from which on a dissector does it."""
+NEARER, TURNS_DEG, OFF_DUCT, PAST_DUCT_MM = (0.7, 0.4, 0.85), (45.0, 0.0), 0.35, 2.5
+"""Parts of those strands that are farther from the neck than where it parts them, and degrees by
+which its jaws are turned towards the neck, in turn while little parts; and where, as a part of the
+way from the duct, and mm behind it: of some 1,700 openings that were tried in the physics, those
+that parted most (docs/scope.md)."""
+DUCT_MM = 4.0
+"""mm of the cystic duct at the neck, that say which way it runs."""
 LEFT_OVER = 0.25
 """Of the strands near a place, up to which nothing is left to part there."""
 
@@ -78,7 +89,12 @@ class PartingPlaces:
         """Return where jaws part what a part of so many points lacks; None if nothing holds it."""
         lacking = np.flatnonzero(self._safety.lacking(part) & self._whole)
         if part != "plate" and (points > BY_DISSECTOR or view.triangle >= SOME):
-            return self._passed(lacking) if lacking.size else None
+            if not lacking.size:
+                return None
+            beside = lacking[self._beside_duct(lacking)]
+            if part == "tubes" and beside.size > NECK_ONLY * lacking.size:
+                return max((self._at_neck(each) for each in self._groups(beside)), key=_weight)
+            return self._passed(lacking)
         if part == "triangle":
             lacking = self._in_reach(view, lacking)
         broken = self._tissue.beam.broken
@@ -157,6 +173,40 @@ class PartingPlaces:
                 place = self._at_edge(place, along)
         offset = place - middles[at]
         return Site(where, group, group[near], int(group[at]), weight, offset, along, through)
+
+    def _beside_duct(self, which: Ints) -> NDArray[np.bool_]:
+        """(S,) whether strands lead from the cystic duct to another tube, or from that to it."""
+        strands = self._tissue.tubes.strands
+        duct = self._tissue.tubes.names.index(self._safety.cystic)
+        of, to = strands.tubes[which], strands.to[which]
+        return (to >= 0) & ((of == duct) | (to == duct))
+
+    def _at_neck(self, group: Ints) -> Site:
+        """Return where to part the cystic duct from what runs into the neck beside it."""
+        safety, beam = self._safety, self._tissue.beam
+        tubes, cystic = self._tissue.tubes, safety.cystic
+        own = tubes.strands.tubes[group] == tubes.names.index(cystic)
+        ends, feet = self._ends(group)
+        duct = np.where(own[:, None], ends, feet)
+        across = ends + feet - 2.0 * duct  # to the other tube
+        neck, span = safety.corners()[1], tubes.network.tubes[cystic].span
+        before = span - DUCT_MM if safety.entering[cystic] else DUCT_MM
+        runs = neck - beam.places_at(np.array([before]), cystic)[0]
+        fruitless = self._fruitless[int(self._group(group[:1])[0])]
+        turn, part = divmod(fruitless, len(NEARER))
+        farthest = np.argsort(((neck - duct) ** 2).sum(axis=1))[::-1]
+        at = int(farthest[int(NEARER[part] * group.size)])
+        place = duct[at] + OFF_DUCT * across[at] - [0.0, 0.0, PAST_DUCT_MM]
+        flat = across[:, :2].mean(axis=0)
+        flat /= math.hypot(*flat)
+        to_neck = runs[:2] - float(runs[:2] @ flat) * flat
+        to_neck /= math.hypot(*to_neck)
+        angle = math.radians(TURNS_DEG[turn % len(TURNS_DEG)])
+        along = np.append(math.cos(angle) * flat - math.sin(angle) * to_neck, 0.0)
+        middles = duct + 0.5 * across
+        near = group[((middles - middles[at]) ** 2).sum(axis=1) < NEAR_MM**2]
+        offset, weight = place - middles[at], float(near.size)
+        return Site("between", group, near, int(group[at]), weight, offset, along, None)
 
     def _passed(self, which: Ints) -> Site:
         """Return where a right angle parts some strands, named by those that are most."""

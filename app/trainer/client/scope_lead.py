@@ -54,6 +54,10 @@ INSISTS = 0.03
 """Of a wall's break, how much more than there is at a stop each key or click allows."""
 RISES = 0.003
 """Of a wall's break in a tick, by which what a hand does strains it, whatever its force is."""
+AHEAD_TICKS, LEAST_SPEED = 3.0, 0.1
+"""Before a wall would come to the stop as it rises now, from which on hands and jaws slow down, and
+the part of their speed that they keep: what slips off jaws goes from the stop to its break within
+two or three ticks."""
 OVER = 0.05
 """Of a wall's break above the stop, from which on nothing goes on that strains it, pull or not."""
 GIVES_MM = 0.1
@@ -517,22 +521,28 @@ class ScopeLead:
             return
         if self._aligns:
             self._align(ALIGNS_RAD_S * TICK_SECONDS * ticks)
-        stops, stress = self._nears_break(), state.session.spatial.stress_ratio
-        rises, self._stress = stress > self._stress + RISES, stress
+        stress = state.session.spatial.stress_ratio
+        rise, self._stress = stress - self._stress, stress
+        stops, rises = self._nears_break(), rise > RISES
+        brake = 1.0
+        if rises and state.figures_visible:
+            left = (self._stops_at - stress) / (AHEAD_TICKS * rise)
+            brake = min(1.0, max(left, LEAST_SPEED))
         if not stops:
             self._stopped = [None] * len(self._stopped)
         for hand, goal in enumerate(self._goals):
             holder = state.hands[hand]
-            self._lead_jaws(hand, stops, rises, TICK_SECONDS * ticks)
+            self._lead_jaws(hand, stops, rises, brake, TICK_SECONDS * ticks)
             if goal is None:
                 self._give_way(hand)
                 continue
             path = goal - holder.target
             far = math.sqrt(float((path * path).sum()))
             pushes = float(path @ state.session.spatial.forces[hand]) / max(far, 1e-12)
-            # What slackens its own pull may press the wall on the other instrument.
-            strains_other = rises and stress > self._stops_at + OVER and self._other_pushes(hand)
-            strains, slackens = pushes > LEAST_PUSH_N, pushes < -LEAST_PUSH_N and not strains_other
+            # What slackens its own pull may press the wall on the other instrument, or other jaw.
+            over = rises and stress > self._stops_at + OVER
+            strains_else = over and (holder.node is None or self._other_pushes(hand))
+            strains, slackens = pushes > LEAST_PUSH_N, pushes < -LEAST_PUSH_N and not strains_else
             before = self._stopped[hand]
             again = before is not None and float(path @ before.path) > 0.0
             if before is not None and again and stress > before.stress + RISES:
@@ -552,6 +562,8 @@ class ScopeLead:
                 continue
             slowly = strains or self._crushes[hand]
             most = self._speed(holder, slowly) * TICK_SECONDS * ticks
+            if not slackens:
+                most *= brake
             if far <= most:
                 self._goals[hand] = None
             step = path if far <= most else path * (most / far)
@@ -604,7 +616,7 @@ class ScopeLead:
         why = why or f"the {tube_title(tissue.most_stressed)} nears its break"
         self._state.refuse(advice, f"Stopped: {why}")
 
-    def _lead_jaws(self, hand: int, stops: bool, rises: bool, seconds: float) -> None:
+    def _lead_jaws(self, hand: int, stops: bool, rises: bool, brake: float, seconds: float) -> None:
         """Part or close jaws as far as they are led, no faster than they may."""
         goal, opened = self._jaws[hand], self._state.hands[hand].target_opening
         if goal is None:
@@ -628,6 +640,8 @@ class ScopeLead:
             return
         slowly = goal > opened or self._stress > CLOSES_SLOWLY_AT
         most = seconds * (PARTS_MM_S if slowly else CLOSES_MM_S)
+        if goal > opened:
+            most *= brake
         self.session.open_jaws(hand, min(max(goal, opened - most), opened + most))
         if abs(goal - opened) <= most:
             self._jaws[hand] = None
