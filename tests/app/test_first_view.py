@@ -156,7 +156,7 @@ def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
 
 
 @pytest.mark.long  # some eleven minutes of hands each
-@pytest.mark.parametrize("seed", [4, 7, 10])
+@pytest.mark.parametrize("seed", [3, 7, 10])
 def test_who_does_what_the_page_asks_for_reaches_the_critical_view(seed: int) -> None:
     """Five of six points, marks, clips and divisions in under 20 minutes, and nothing tears."""
     session = followed(seed, "critical_view", 1200.0).session
