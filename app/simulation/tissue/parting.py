@@ -120,7 +120,7 @@ class PartingPlaces:
             self._passes.note_tried(self.place_of(site), site.along, 1.0 - left)
             return
         self._tried.append((self.place_of(site) - site.offset, self._tissue.beam.broken))
-        group = self._group(site.strands)[0]
+        group = self._tubes_of(site.strands)
         self._fruitless[group] = self._fruitless[group] + 1 if fruitless else 0
 
     @property
@@ -150,6 +150,10 @@ class PartingPlaces:
         of, to = strands.tubes[which], strands.to[which]
         return np.maximum(of, to) * len(self._tissue.tubes.names) + np.minimum(of, to) + 1
 
+    def _tubes_of(self, group: Ints) -> int:
+        """Return the number of both tubes that a group's strands hold."""
+        return int(self._group(group[:1])[0])
+
     def _site(self, view: CriticalView, group: Ints) -> Site:
         """Return where to part a group of strands, and how."""
         strands, names = self._tissue.tubes.strands, self._tissue.tubes.names
@@ -158,7 +162,7 @@ class PartingPlaces:
         middles, through = self._middles(group), None
         places, tangents = self._beside(group) if where == "under" else (middles, middles)
         at, weight = self._weighed(places, middles)
-        weight *= AGAIN ** self._fruitless[int(self._group(group[:1])[0])]
+        weight *= AGAIN ** self._fruitless[self._tubes_of(group)]
         near = ((middles - middles[at]) ** 2).sum(axis=1) < NEAR_MM**2
         anchor, place = group[at : at + 1], places[at].copy()
         if where == "under":
@@ -192,8 +196,7 @@ class PartingPlaces:
         neck, span = safety.corners()[1], tubes.network.tubes[cystic].span
         before = span - DUCT_MM if safety.entering[cystic] else DUCT_MM
         runs = neck - beam.places_at(np.array([before]), cystic)[0]
-        fruitless = self._fruitless[int(self._group(group[:1])[0])]
-        turn, part = divmod(fruitless, len(NEARER))
+        turn, part = divmod(self._fruitless[self._tubes_of(group)], len(NEARER))
         farthest = np.argsort(((neck - duct) ** 2).sum(axis=1))[::-1]
         at = int(farthest[int(NEARER[part] * group.size)])
         place = duct[at] + OFF_DUCT * across[at] - [0.0, 0.0, PAST_DUCT_MM]
