@@ -56,7 +56,14 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         tubes = self._network_tubes() if self.tube else {BEAM: self._lone_beam()}
         layers = self.layer if self.tube else self._layers_of_beam()
         joins = [
-            Join(each.tube, each.end, each.to, each.station(tubes[each.to].span), float(each.stiff))
+            Join(
+                each.tube,
+                each.end,
+                each.to,
+                each.station(tubes[each.to].span),
+                float(each.stiff),
+                float(each.face_mm),
+            )
             for each in self.join
         ]
         network = Network(tubes, joins)

@@ -244,6 +244,7 @@ class JoinTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     to: str
     at_mm: Number | Literal["begin", "end"]
     stiff: Number = 1.0
+    face_mm: Number = 0.0
 
     def station(self, span: float) -> float:
         """Return the place on the tube that is joined, which is so long, mm."""

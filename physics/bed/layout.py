@@ -169,6 +169,12 @@ class Rest:
             else _at_ends(each.wall)
             for each in beams
         ]
+        names = list(network.tubes)
+        for join in network.joins:
+            # Elements that lie within the other tube have no wall of their own.
+            number = names.index(join.tube)
+            apart = np.abs(beams[number].stations - beams[number].stations[-join.end])
+            walls[number][np.maximum(apart[:-1], apart[1:]) <= join.face] = np.inf
         fibres = [each.fibres for each in beams if each.fibres is not None]
         touching.which[:, 0] = at[touching.which[:, 0]]
         group, pairs = _pairs(node, other, order)

@@ -26,6 +26,7 @@ class Join:
     to: str  # a tube that stands earlier in the network
     at: float  # mm from that one's first end; it has a node there
     stiffness: float = 1.0  # factor on the first element's: an elastic joint below 1
+    face: float = 0.0  # mm along the tube to that one's wall: before it no stress is judged
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,11 @@ class Network:
                 raise ValueError(f"end {join.end} of tube {join.tube} joins twice")
             seen.add((join.tube, join.end))
             positive(join.stiffness, f"stiffness where {join.tube} joins {join.to}", "")
+            if not 0.0 <= join.face < self.tubes[join.tube].span:
+                raise ValueError(
+                    f"wall that tube {join.tube} joins must be from 0 to "
+                    f"{self.tubes[join.tube].span:g} mm along it, got {join.face:g} mm"
+                )
             if self.tubes[join.tube].ends[join.end] != "free":
                 raise ValueError(
                     f"end {join.end} of tube {join.tube} joins {join.to} and is "

@@ -1,6 +1,7 @@
 """Tubes that join and hold each other, against frames, peels and the full matrix."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -159,6 +160,33 @@ def test_a_tube_in_two_that_join_is_one() -> None:
         found.append((made.hand_force(node).copy(), made.stored_in_beam))
     assert found[1][0] == pytest.approx(found[0][0], abs=1e-9)
     assert found[1][1] == pytest.approx(found[0][1], rel=1e-9)
+
+
+def test_stress_is_judged_from_a_joint_s_face_on() -> None:
+    """As of a frame at the face of a support: before it a tube lies within the other."""
+    a = straight([0, 0, 0], [40, 0, 0], 20, TUBE, ("clamped", "clamped"), (20.0,))
+    wall = np.tile([AREA, MOMENT, MOMENT], (11, 1))
+    b = replace(straight([20, 0, 0], [20, 20, 0], 10, TUBE, ("free", "free")), wall=wall)
+    a = replace(a, wall=np.full((21, 3), np.inf))
+
+    def loaded(face: float) -> BeamOnBed:
+        made = BeamOnBed(Network({"a": a, "b": b}, [Join("b", 0, "a", 20.0, face=face)]))
+        node = made.take(20.0, "b")
+        made.lead(node, made.rest_place(node) + np.array([1e-4, 0.0, 0.0]))
+        made.advance()
+        return made
+
+    at_axis = loaded(0.0)
+    assert at_axis.worst_stress("b").station == 0.0
+    # Elements that end at the face, too, lie within the other; the moment falls to the tip.
+    for face, judged in ((1.9, 0.0), (2.0, 2.0), (5.0, 4.0)):
+        made = loaded(face)
+        worst = made.worst_stress("b")
+        assert worst.station == pytest.approx(judged)
+        assert worst.total == pytest.approx(
+            at_axis.worst_stress("b").total * (1.0 - judged / 20.0), rel=1e-5
+        )
+        assert made.places.tobytes() == at_axis.places.tobytes(), "nothing moves otherwise"
 
 
 def symmetric_y() -> BeamOnBed:
@@ -359,6 +387,10 @@ def test_a_tube_tears_by_its_own_wall_and_frees_its_own_length() -> None:
         ([Join("b", 0, "a", 24.0)], r"end 0 of tube b is 4 mm away from a at 24 mm"),
         ([Join("b", 1, "a", 20.0)], "end 1 of tube b joins a and is clamped as well"),
         ([Join("b", 0, "a", 20.0, 0.0)], "stiffness where b joins a must be above 0"),
+        (
+            [Join("b", 0, "a", 20.0, face=25.0)],
+            "tube b joins must be from 0 to 25 mm along it",
+        ),
     ],
 )
 def test_joins_that_cannot_be_are_refused(joins: list[Join], message: str) -> None:
