@@ -659,7 +659,7 @@ FAULTS = (
         tear_off("cystic", 10.0, tool="hook"),
         (2.0, 4.0, 8.0),
         "nick",
-        at=(25, 28, 30),
+        at=(25, 26, 27),
         walls="human-ureter",
     ),
 )

@@ -4,6 +4,7 @@ from app.anatomy.anatomy_file import (
     anatomy_named,
     anatomy_toml,
     checked,
+    first_edition,
     read_anatomy,
     shipped_anatomies,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "anatomy_toml",
     "checked",
     "drawn_anatomy",
+    "first_edition",
     "labels_suffix",
     "named_labels",
     "patient_case",

@@ -28,7 +28,8 @@ RANGES = {
     "strength_MPa": (1e-6, 1e6), "tear_mm_per_s": (0.1, 1e4),
     "factor": (1e-3, 1e3), "reach_mm": (1e-3, MOST_MM),
     "gap_mm": (1e-3, 1e3), "yield_mm": (1e-3, 1e3), "failure_mm": (1e-3, 1e3),
-    "stiff": (1e-3, 1e3), "length_mm": (0.0, MOST_MM), "from_mm": (0.0, MOST_MM),
+    "stiff": (1e-3, 1e3), "face_mm": (0.0, 1e3), "length_mm": (0.0, MOST_MM),
+    "from_mm": (0.0, MOST_MM),
     "to_mm": (0.0, MOST_MM), "slack_mm": (0.0, 1e3), "floor_N_per_mm2": (0.0, 1e3),
 }  # fmt: skip
 """Least and most of each number, as far as tissue and the solver go."""
@@ -69,6 +70,29 @@ def anatomy_named(name: str | Anatomy) -> Anatomy:
     if name not in known:
         raise ValueError(f"there is no anatomy {name!r} here: {', '.join(known)}")
     return read_anatomy(known[name])
+
+
+def first_edition(name: str) -> Anatomy:
+    """Return a shipped anatomy as it was before its joints had faces.
+
+    Its stresses were judged up to the axis of the tube that another joins, and arteries were twice
+    as stiff where they leave another, without a source.
+
+    Returns
+    -------
+    Anatomy
+    """
+    anatomy = anatomy_named(name)
+    kinds = {tube.name: tube.kind for tube in anatomy.tube}
+    joins = [
+        msgspec.structs.replace(
+            each,
+            face_mm=0.0,
+            stiff=2.0 if kinds[each.tube] == kinds[each.to] == "artery" else each.stiff,
+        )
+        for each in anatomy.join
+    ]
+    return msgspec.structs.replace(anatomy, join=joins)
 
 
 def checked(anatomy: Anatomy) -> Anatomy:
@@ -183,7 +207,8 @@ def _check_join(anatomy: Anatomy, join: JoinTable, number: int) -> None:
             f"tube {join.tube!r} must stand after {join.to!r}, which it joins",
             "join", number, "to",
         )  # fmt: skip
-    _check_range(join.stiff, "stiff", f"join of {join.tube!r}", "join", number)
+    for name in ("stiff", "face_mm"):
+        _check_range(getattr(join, name), name, f"join of {join.tube!r}", "join", number)
 
 
 def _check_layer(anatomy: Anatomy, layer: LayerTable, number: int) -> None:

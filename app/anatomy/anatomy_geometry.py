@@ -38,6 +38,10 @@ class TubeLine:
         """Return the (3,) place at a station, mm."""
         return _columns_at(np.array([station]), self.stations, self.places)[0]
 
+    def radius_at(self, station: float) -> float:
+        """Return the outer radius at a station, mm."""
+        return float(np.interp(station, self.stations, self.radius))
+
     def nearest(self, place: Floats) -> float:
         """Return the station of the axis that is nearest to a place, mm."""
         steps = np.diff(self.places, axis=0)

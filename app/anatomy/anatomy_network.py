@@ -89,7 +89,7 @@ def anatomy_network(anatomy: Anatomy, *, touching: bool = True) -> AnatomyNetwor
     for number, tube in enumerate(anatomy.tube):
         ends = [join for join in anatomy.join if join.tube == tube.name]
         joins += [
-            Join(tube.name, each.end, each.to, _at(each, tubes[each.to]), each.stiff)
+            Join(tube.name, each.end, each.to, _at(each, tubes[each.to]), each.stiff, each.face_mm)
             for each in ends
         ]
         try:

@@ -57,6 +57,9 @@ _MOST_WAVES = 8
 _BOW = 1.5  # to one side, of the waves' height
 _SLACK = 1.03  # of the chord, where no length is drawn
 _TISSUE = 3.0  # gap to the bed, mm
+ARTERY_ROOT = 0.57
+"""Factor on the stiffness of an artery's first element where it leaves another, as a solid model
+has it (benchmarks/artery_joint.py)."""
 # What is tried of the arteries' course, in this order from the last to the first.
 _DEPTHS = (0.0, 1.5, 4.0)
 _CHORDS = (0.93, 0.8, 0.65)
@@ -132,8 +135,14 @@ def _tried(case: Case, course: _Course) -> Anatomy:
         lines[name] = tube_line(tube)
 
     def join(name: str, end: int, to: str, at: float | None, stiff: float) -> None:
-        where = "end" if at is None else round(at, 3)
-        joins.append(JoinTable(tube=name, end=1 if end else 0, to=to, at_mm=where, stiff=stiff))
+        # Where one tube goes on as another, it has no wall to come out of.
+        face = 0.0 if at is None else lines[to].radius_at(at)
+        joins.append(
+            JoinTable(
+                tube=name, end=1 if end else 0, to=to, at_mm="end" if at is None else round(at, 3),
+                stiff=stiff, face_mm=round(face, 3),
+            )
+        )  # fmt: skip
 
     top = _JOIN_MM + hepatic
     common = np.array(
@@ -167,7 +176,7 @@ def _tried(case: Case, course: _Course) -> Anatomy:
     gallbladder = lines["gallbladder"]
     target = gallbladder.at(ARTERY_AT_MM)
     # Lengths are from wall to wall, axes run from axis to axis.
-    inside = float(np.interp(ARTERY_AT_MM, gallbladder.stations, gallbladder.radius))
+    inside = gallbladder.radius_at(ARTERY_AT_MM)
     whole = sizes["cystic_artery_length_mm"] + inside + hepatic_r
     rha_points = _hepatic_course(
         case, lines["common"], target, course.chord * whole, hepatic_r + common_r, course.depth
@@ -184,7 +193,7 @@ def _tried(case: Case, course: _Course) -> Anatomy:
         )
         path = wavy_course(rha.at(origin), target, whole, course.turn)
         add("artery", "artery", path, round(artery_r, 3), ("joined", "joined"), 20)
-        join("artery", 0, "rha", origin, 2.0)
+        join("artery", 0, "rha", origin, ARTERY_ROOT)
         join("artery", 1, "gallbladder", ARTERY_AT_MM, 2.0)
         if number == "double":
             second = min(origin + 8.0, rha.length - 3.0)
@@ -194,7 +203,7 @@ def _tried(case: Case, course: _Course) -> Anatomy:
             start = rha.at(second)
             path = wavy_course(start, beyond, _SLACK * math.dist(start, beyond), course.second_turn)
             add("artery2", "artery", path, round(0.8 * artery_r, 3), ("joined", "joined"), 20)
-            join("artery2", 0, "rha", second, 2.0)
+            join("artery2", 0, "rha", second, ARTERY_ROOT)
             join("artery2", 1, "gallbladder", _SECOND_AT_MM, 2.0)
     if number in ("outside", "both"):
         name, on = ("artery", ARTERY_AT_MM) if number == "outside" else ("artery2", _SECOND_AT_MM)

@@ -25,7 +25,7 @@ from app.anatomy.anatomy_geometry import (
     tube_lines,
 )
 from app.anatomy.frequencies import frequencies
-from app.anatomy.hepatocystic_triangle import ARTERY_AT_MM, wavy_course
+from app.anatomy.hepatocystic_triangle import ARTERY_AT_MM, ARTERY_ROOT, wavy_course
 from app.anatomy.tables import (
     HEAD_RIGHT_FRONT,
     Anatomy,
@@ -379,7 +379,7 @@ def with_cystic_artery(anatomy: Anatomy) -> Anatomy:
     nearest = hepatic.nearest(target)
     sizes = frequencies().size
     radius = round(0.5 * sizes["cystic_artery_diameter_mm"].mean, 3)
-    inside = float(np.interp(on, gallbladder.stations, gallbladder.radius))
+    inside = gallbladder.radius_at(on)
     length = sizes["cystic_artery_length_mm"].mean + inside + float(hepatic.radius.mean())
     wall = wall_of("artery")
     fault: ValueError | None = None
@@ -405,8 +405,21 @@ def with_cystic_artery(anatomy: Anatomy) -> Anatomy:
             confidence_wall=wall.confidence,
         )
         joins = [
-            JoinTable(tube=tube.name, end=0, to=_HEPATIC_ARTERY, at_mm=round(origin, 3)),
-            JoinTable(tube=tube.name, end=1, to="gallbladder", at_mm=round(on, 3)),
+            JoinTable(
+                tube=tube.name,
+                end=0,
+                to=_HEPATIC_ARTERY,
+                at_mm=round(origin, 3),
+                stiff=ARTERY_ROOT,
+                face_mm=round(hepatic.radius_at(origin), 3),
+            ),
+            JoinTable(
+                tube=tube.name,
+                end=1,
+                to="gallbladder",
+                at_mm=round(on, 3),
+                face_mm=round(inside, 3),
+            ),
         ]
         drawn = msgspec.structs.replace(
             anatomy, tube=[*anatomy.tube, tube], join=[*anatomy.join, *joins]
@@ -479,16 +492,20 @@ def _anatomy(
             to = lines[join.to]
             end = -1 if join.end else 0
             where = join.place if join.place != "middle" else round(to.nearest(points[end]), 3)
+            face = 0.0
             if where == "begin" or where == "end":
                 points[end] = to.places[-1 if where == "end" else 0]
             else:
                 points[end] = to.at(float(where))
+                face = min(to.radius_at(float(where)), 0.5 * organ.length)
             joins.append(
                 JoinTable(
                     tube=tube.name,
                     end=join.end,
                     to=join.to,
                     at_mm=where,
+                    stiff=ARTERY_ROOT if kind == kinds[join.to] == "artery" else 1.0,
+                    face_mm=round(face, 3),
                     miss_mm=round(join.miss, 3),
                     voxels=join.voxels,
                 )

@@ -62,6 +62,7 @@ class JoinTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     to: str
     at_mm: Number | Literal["begin", "end"]
     stiff: Number = 1.0  # factor on the stiffness of the tube's first element there
+    face_mm: Number = 0.0  # along the tube to the other's wall: before it no stress is judged
     miss_mm: Number | None = None  # of labels: by how much the end's direction missed that axis
     voxels: int | None = None  # of labels: voxels in which the two touch there
 

@@ -8,9 +8,10 @@ import zlib
 import msgspec
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from app.anatomy import Anatomy
+from app.anatomy import Anatomy, first_edition
 from app.bounded_file import decoded
 from app.haptics.device import DeviceLimits
 from app.haptics.servo_loop import LoopSettings
@@ -49,6 +50,7 @@ class DeviceRun(Struct, frozen=True, forbid_unknown_fields=True):
     anatomy: str | Anatomy | None = None  # of several tubes, the name of one that ships, or whole
     tube: str | None = None  # of them, which was felt
     tear_mm_per_s: float | None = None  # how fast a tear crosses the wall; at once when None
+    joint_faces: bool = False  # of the shipped anatomies; older runs name their first edition
     format: str = FORMAT
     version: int = VERSION
 
@@ -128,4 +130,6 @@ def read_device_run(content: bytes) -> DeviceRun:
     run = decoded(msgspec.json.decode, content, DeviceRun, "this is no device run")
     if (run.format, run.version) != (FORMAT, VERSION):
         raise ValueError(f"this is a {run.format} of version {run.version}, not {FORMAT} {VERSION}")
+    if isinstance(run.anatomy, str) and not run.joint_faces:
+        run = replace(run, anatomy=first_edition(run.anatomy))
     return run

@@ -1,6 +1,7 @@
 """Replays: a run made again from its log has the same readings and measures, to the bit."""
 
 import json
+import lzma
 import math
 import re
 import threading
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 from program import LONGEST, refused, run
 from simulated import phantom, pull_session, replayed, settle
 
-from app.anatomy import anatomy_named
+from app.anatomy import anatomy_named, first_edition
 from app.command_line.replay import replay
 from app.simulation import (
     CAREFUL,
@@ -244,6 +245,21 @@ def test_an_exercise_is_judged_again_the_same() -> None:
     again = replayed(read_run(run_json(original)), phantom())
     assert again == original
     assert again.log.feedback is Feedback.FADING
+
+
+def test_a_run_at_an_anatomy_s_first_edition_plays_as_it_was_recorded() -> None:
+    """It names a shipped anatomy, whose joints have had faces and soft roots since."""
+    path = Path(__file__).parent / "older_runs" / "first_edition.json.xz"
+    careful: Any = msgspec.json.decode(lzma.decompress(path.read_bytes()))
+    assert careful["run"]["log"]["start"]["anatomy"] == "normal"
+    original = read_run(msgspec.json.encode(careful["run"]))
+    edition, today = first_edition("normal"), anatomy_named("normal")
+    assert original.log.start.anatomy == edition
+    assert edition != today
+    assert [each.face_mm for each in edition.join] == [0.0] * len(edition.join)
+    assert {each.stiff for each in edition.join if each.to == "rha"} == {2.0}
+    assert {each.stiff for each in today.join if each.to == "rha"} == {0.57}
+    assert original.agrees_with(replayed(original, phantom()))
 
 
 @pytest.mark.parametrize("name", ["impulse", "hold"])

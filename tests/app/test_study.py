@@ -577,7 +577,7 @@ def test_a_script_is_put_to_an_anatomy_whose_strands_each_seed_scatters(tmp_path
                  "low = 1.0\nhigh = 2.0")  # fmt: skip
     run_study(read_plan(plan), tmp_path / "out", workers=1)
     rows = pq.read_table(tmp_path / "out" / "results.parquet").to_pylist()
-    assert len({row["strands_broken"] for row in rows}) == 3
+    assert len({row["break_force_N"] for row in rows}) == 3
     assert all(row["fault"] is None and "break_deflection_mm" not in row for row in rows)
 
 

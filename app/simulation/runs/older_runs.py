@@ -3,7 +3,9 @@
 from typing import Any, Literal, cast
 
 import msgspec
+from msgspec.structs import replace
 
+from app.anatomy import first_edition
 from app.bed_preset import BedPreset
 from app.bounded_file import decoded
 from app.simulation.exercises.exercise import Exercise, ExerciseInputs, Feedback, Outcome
@@ -139,7 +141,7 @@ def read_run(content: bytes) -> RunFile:
         raise RunFileError(f"a run has at most {MOST_BYTES:,} bytes, not {len(content):,}")
     head = decoded(msgspec.json.decode, content, _Head, "not a run of bluntdissect", RunFileError)
     if head.version == VERSION:
-        run = decoded(_decoded, content, RunFile, DAMAGED, RunFileError)
+        run = _with_its_anatomy(decoded(_decoded, content, RunFile, DAMAGED, RunFileError))
     elif head.version == 3:
         run = _of_dissection(decoded(msgspec.json.decode, content, _BedFile, DAMAGED, RunFileError))
     elif head.version in (1, 2):
@@ -147,6 +149,23 @@ def read_run(content: bytes) -> RunFile:
     else:
         raise RunFileError(f"a run of version {head.version}; this program reads 1 to {VERSION}")
     return checked(run)
+
+
+def _with_its_anatomy(run: RunFile) -> RunFile:
+    """Return a run with the edition of a shipped anatomy that it was done at."""
+    start = run.log.start
+    if not isinstance(start.anatomy, str) or start.joint_faces:
+        return run
+    try:
+        anatomy = first_edition(start.anatomy)
+    except ValueError as error:
+        raise RunFileError(f"the run's anatomy: {error}") from None
+    log = replace(run.log, start=replace(start, anatomy=anatomy))
+    exercise = log.exercise
+    if exercise is not None and exercise.opening is not None:
+        opening = replace(exercise.opening, anatomy=anatomy)
+        log = replace(log, exercise=replace(exercise, opening=opening))
+    return replace(run, log=log)
 
 
 def renamed_metrics(measures: Metrics) -> Metrics:

@@ -1182,6 +1182,7 @@ class SpatialTissue:
             wall_relaxation=Prony.of(self._relaxing[1]),
             tear_mm_per_s=preset.tear_mm_per_s,
             tubes_touch=self.specimen.anatomy is not None and self.specimen.tubes_touch,
+            joint_faces=anatomy is not None,
         )
 
     def goal_of(self, exercise: Exercise) -> None:
