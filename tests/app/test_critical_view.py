@@ -34,7 +34,19 @@ from app.simulation import (
 from app.simulation.exercises.critical_view import CriticalView as View
 from app.simulation.exercises.goals import CriticalView
 from app.simulation.scripts.scripted_hands import Clip
-from app.simulation.tissue.clip_steps import place_to_close
+from app.simulation.tissue.clip_steps import (
+    HELD_MM,
+    ClosingSteps,
+    place_to_close,
+    places_to_close,
+)
+from app.simulation.tissue.parting import (
+    AT_NECK,
+    PASSES_AFTER,
+    SWEEP_BEFORE_MM,
+    SWEEP_PAST_MM,
+    Sweep,
+)
 from app.simulation.tissue.passes import (
     BETWEEN,
     HALF_MM,
@@ -146,6 +158,8 @@ def obey(session: Session, step: NextStep) -> str:
         bent = "right angle" in step.words
         session.choose_instrument(1, "right angle" if bent else "dissector")
         jaws.put(place)
+        if step.along is None:  # they are led on closed
+            return "part"
         shaft, along = TROCARS[1].shaft(place), np.array(step.along)
         across = along - (along @ shaft) * shaft
         x, y, z = (across / np.linalg.norm(across)).tolist()
@@ -154,6 +168,9 @@ def obey(session: Session, step: NextStep) -> str:
         else:
             jaws.spread = x, y, z
         return "part"
+    if "sweep the" in step.words:
+        jaws.put(place)
+        return "sweep"
     if "along its tip" in step.words:
         jaws.put(place)
         return "back" if "back along" in step.words else "pass"
@@ -260,26 +277,41 @@ def test_what_is_left_at_the_neck_is_slackened_and_parted_by_a_dissector() -> No
     tissue.beam.detach(~beside)
     assert safety.critical_view().next_parts(5) == ["tubes"]
     guidance, places, asked = Guidance(safety), list[np.ndarray](), list[str]()
-    for _ in range(80):
+    tools, swept = list[str | None](), list[float]()
+    for _ in range(200):
         step = guidance.next_step(exercise, viewed=False)
         assert step is not None
+        at = tissue.beam.places_at(strands.to_stations[beside].mean(keepdims=True), "cystic")[0]
+        to = tissue.beam.places_at(strands.stations[beside].mean(keepdims=True), "artery")[0]
+        to_neck = safety.corners()[1] - at
         if "part the" in step.words:
-            assert step.tool == "dissector"
+            tools.append(step.tool)
             assert "between cystic artery and cystic duct" in step.words
             places.append(np.array(step.place))
+        if "part the" in step.words and step.along is not None and step.tool == "dissector":
             along = np.array(step.along)
-            at = tissue.beam.places_at(strands.to_stations[beside].mean(keepdims=True), "cystic")
-            to = tissue.beam.places_at(strands.stations[beside].mean(keepdims=True), "artery")
-            assert along @ (to - at)[0] * (along @ (safety.corners()[1] - at[0])) < 0.0
+            assert along @ (to - at) * (along @ to_neck) <= 1e-9
+        if "sweep the" in step.words:
+            assert "between cystic artery and cystic duct" in step.words
+            # Through what holds both together, which a sweep begins and ends beyond.
+            path = np.array(step.place) - places[-1]
+            swept.append(float(path @ to_neck) / math.hypot(*path) / math.hypot(*to_neck))
+            assert math.hypot(*path) > SWEEP_BEFORE_MM + SWEEP_PAST_MM
         # Its jaws part nothing.
         whole = tissue.beam.state.damage.copy()
         asked.append(obey(session, step))
         tissue.beam.state.damage[:] = whole
-        if len(places) > 3:
+        if len(places) > len(AT_NECK) + PASSES_AFTER:
             break
     done = [each for each in asked if each != "wait"]
     assert done[:4] == ["hold", "draw", "draw", "draw"]
     assert np.linalg.norm(places[0] - places[1]) > 0.5
+    # Jaws are opened there and led through closed, in turn, then a right angle is tried.
+    assert tools == ["dissector"] * len(AT_NECK) + ["right angle"] * PASSES_AFTER + ["dissector"]
+    assert [each > 0.0 for each in swept] == [
+        each.to_neck for each in AT_NECK if isinstance(each, Sweep)
+    ]
+    assert min(map(abs, swept)) > 0.9
 
 
 def test_a_right_angle_parts_what_crosses_what_its_jaws_sweep() -> None:
@@ -339,9 +371,26 @@ def test_clips_and_division_have_places_along_a_structure() -> None:
     assert place_to_close([12.5, 8.0, 5.0], 2, 1, 23.0) == (6.5, "divide")
     short = [place_to_close([9.9] * number, 2, 1, 10.0) for number in range(3)]
     assert short == [(8.0, "stay"), (6.0, "stay"), (2.0, "go")]
+    # Where strands hold it, all are further.
+    assert place_to_close([], 2, 1, 23.0, 4.0) == (18.0, "stay")
+    assert place_to_close([18.0, 15.0], 2, 1, 23.0, 4.0) == (9.0, "go")
     # All may stay, or go.
     assert place_to_close([4.0, 6.0], 2, 0, 23.0) == (2.0, "divide")
     assert place_to_close([3.0], 0, 1, 23.0) == (13.0, "divide")
+
+
+def test_clips_come_where_least_holds_a_tube() -> None:
+    """Near the neck strands leave jaws no room: all of an artery's places are further then."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    tissue, safety = session.spatial, Safety(session.spatial)
+    strands, names = tissue.tubes.strands, tissue.tubes.names
+    span = tissue.tubes.network.tubes["artery"].span
+    near = (strands.tubes == names.index("artery")) & (strands.stations > span - 8.0)
+    tissue.beam.detach(~near)
+    freest = ClosingSteps(safety)._freest("artery", 2, 1)
+    assert 8.0 - HELD_MM <= min(places_to_close(2, 1, span, freest)) <= 8.0 + HELD_MM + 1.0
+    tissue.beam.detach(near)
+    assert ClosingSteps(safety)._freest("artery", 2, 1) == 0
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,8 @@ from trainee import Floats, Trainee
 
 from app.anatomy import anatomy_named
 from app.classroom.course import default_course, read_course
-from app.simulation import CarefulRun, Replay, Structure, exercise_at
+from app.command_line.load import shipped_organ
+from app.simulation import CarefulRun, Exercise, Replay, Structure, exercise_at
 from assets import RUNS
 from organ_geometry import write_atomic
 
@@ -74,12 +75,24 @@ def between_the_ducts(trainee: Trainee, cystic: float, common: float) -> None:
     trainee.spread(place, across / np.linalg.norm(across))
 
 
-def begun(name: str) -> Trainee:
-    """Return a trainee at an exercise."""
-    normal = anatomy_named("normal")
-    exercise = exercise_at(normal, name)
+def usual(name: str) -> Exercise:
+    """Return an exercise at the anatomy *normal*."""
+    exercise = exercise_at(anatomy_named("normal"), name)
     assert exercise is not None
-    return Trainee(normal, exercise)
+    return exercise
+
+
+def last_level(seed: int) -> Exercise:
+    """Return the exercise of the course's last level, at the anatomy of a seed."""
+    level = read_course(default_course()).level_of("view")
+    return level.try_on(shipped_organ(), None, row=0, seed=seed).exercise
+
+
+def begun(exercise: Exercise) -> Trainee:
+    """Return a trainee at an exercise."""
+    assert exercise.opening is not None
+    assert exercise.opening.anatomy is not None
+    return Trainee(anatomy_named(exercise.opening.anatomy), exercise)
 
 
 def let_go(trainee: Trainee) -> None:
@@ -106,13 +119,13 @@ MARKED: dict[str, tuple[Structure, str]] = {
 """Structures, and the tubes that they are, by what they are called."""
 
 
-def followed(seed: int, name: str = "first_view", seconds: float = 300.0) -> Trainee:
+def followed(seed: int, exercise: Exercise, seconds: float) -> Trainee:
     """Return a trainee who has done what the page asked for, until nothing more is.
 
     He goes by its words, ring and bar, and misses each place by some 0.7 mm; what is asked for
     again and again he aims at anew. Structures he knows.
     """
-    trainee, dice = begun(name), np.random.default_rng(seed)
+    trainee, dice = begun(exercise), np.random.default_rng(seed)
     run, asked, again, missed = trainee.session.run, "", 0, np.zeros(3)
     while run.seconds < seconds:
         trainee.wait(0.6)  # what is asked for is judged twice a second
@@ -130,15 +143,15 @@ def followed(seed: int, name: str = "first_view", seconds: float = 300.0) -> Tra
     return trainee
 
 
-RECORDED = 12
+RECORDED = 28
 """Of these runs, the one that *Show me* plays."""
 
 
 @pytest.mark.long  # some three minutes of hands each
-@pytest.mark.parametrize("seed", [13, 11, RECORDED])
+@pytest.mark.parametrize("seed", [1, 19, RECORDED])
 def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
     """Three of six points with mouse and keys, in under five minutes, and nothing tears."""
-    session = followed(seed).session
+    session = followed(seed, usual("first_view"), 300.0).session
     outcome = session.run.outcome
     assert outcome is not None
     assert outcome.passed, outcome.reason
@@ -156,25 +169,34 @@ def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
 
 
 @pytest.mark.long  # some eleven minutes of hands each
-@pytest.mark.parametrize("seed", [3, 7, 10])
-def test_who_does_what_the_page_asks_for_reaches_the_critical_view(seed: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "drawn"), [(4, False), (7, False), (10, False), (8, True), (12, True), (30, True)]
+)
+def test_who_does_what_the_page_asks_for_reaches_the_critical_view(
+    seed: int, *, drawn: bool
+) -> None:
     """Five of six points, marks, clips and divisions in under 20 minutes, and nothing tears."""
-    session = followed(seed, "critical_view", 1200.0).session
+    course = read_course(default_course())
+    assert not drawn or seed in course.level_of("view").seeds
+    exercise = last_level(seed) if drawn else usual("critical_view")
+    session = followed(seed, exercise, 1200.0).session
     outcome = session.run.outcome
     assert outcome is not None
     assert outcome.passed, outcome.reason
     kinds = [each.kind for each in session.spatial.events]
-    assert sorted(kinds) == [*["clip"] * 6, *["division"] * 2]
+    entering = kinds.count("division")
+    assert entering > 1
+    assert sorted(kinds) == [*["clip"] * 3 * entering, *["division"] * entering]
     assert session.spatial.peak_stress_ratio < 0.9
-    mark = read_course(default_course()).benchmark_of("view", "peak_stress_ratio")
+    mark = course.benchmark_of("view", "peak_stress_ratio")
     assert mark is not None
-    assert session.metrics()["peak_stress_ratio"] <= mark.value  # one of the runs that set it
+    assert not drawn or session.metrics()["peak_stress_ratio"] <= mark.value  # which it has set
 
 
 @pytest.mark.long  # ten minutes of hands
 def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
     """Five of six points, then marks, clips and divisions, with no wall over 90 % of its break."""
-    trainee = begun("critical_view")
+    trainee = begun(usual("critical_view"))
     trainee.lead._state.marks_next = False  # led by the list alone
     session = trainee.session
     # Behind the cystic duct.
@@ -236,7 +258,7 @@ def test_the_critical_view_is_passed_by_mouse_wheel_and_keys() -> None:
 
 
 if __name__ == "__main__":
-    session = followed(RECORDED).session
+    session = followed(RECORDED, usual("first_view"), 300.0).session
     made = CarefulRun(session.run_file(), session.run.incidents())
     write_atomic(Path(sys.argv[1]), made.packed())
     print(made.run.outcome, made.run.metrics["time_s"], "s,", len(made.incidents), "errors")

@@ -293,14 +293,14 @@ class Trainee:
             holder = self.session.spatial.hands[1]
             if step.tool is not None and ("part the" in words or holder.instrument != step.tool):
                 self.take(1, step.tool)
-            if math.dist(self.tip, place) > AWAY:
+            if math.dist(self.tip, place) > AWAY or "a little" in before:  # strained on its way
                 self.wheel(-6)
                 self.drag(place)
             self._turn()
             self.to(place)
         elif "turn the" in words:
             self._turn()
-        elif "along its tip" in words or "'s open" in words:
+        elif "along its tip" in words or "'s open" in words or "sweep the" in words:
             assert place is not None
             self.straight_to(place)
         elif "drag it slowly" in words or "until its tip" in words:
@@ -341,7 +341,9 @@ class Trainee:
         back = (self._begun if place is None else place) - self.tip
         back /= max(1.0, math.hypot(*back))
         for _ in range(12):
-            if self.session.spatial.stress_ratio < EASED:
+            step = self.lead.next_step  # whoever lets back reads on
+            asked = step is not None and "let the" in step.words
+            if self.session.spatial.stress_ratio < EASED or not asked:
                 break
             self._move(self.tip + 0.5 * back)
         self.send("stop")

@@ -28,6 +28,7 @@ UNDER = (
     "Next: lead the right hand's open {} under the {}, slowly, until its tip is in the ring or "
     "stops."
 )
+SWEEP = "Next: sweep the right hand's closed {} between {} and {}, slowly, into the ring."
 CLOSES = "Next: the right hand's {} closes; wait until its jaws stand still."
 CLOSE = "Next: close the right hand's {} (G)."
 CLOSE_FEW = "Next: close the right hand's {} (G): few strands have parted, a wall lies in its jaws."

@@ -41,6 +41,9 @@ SPACE_MM, ASIDE_MM = 3.0, (0.0, -0.8, 0.8)
 """Between the places of a structure's clips and its division, and how far off each that may be."""
 NECK_MM = 2.0
 """By which the first place is further from the gallbladder, whose neck lies in front of a tube."""
+MOST_FURTHER_MM, HELD_MM = 6, 2.0
+"""mm by which all places may be further still, where less holds the tube; and from a place, within
+which strands leave jaws no room."""
 NEAR_MM, APART_MM = 1.5, 0.7
 """mm from its place, up to which jaws are well placed, and from a clip, from which on they are."""
 
@@ -211,6 +214,7 @@ class ClosingSteps:
 
     def __init__(self, safety: Safety) -> None:
         self._safety, self._jaws = safety, JawsOnTube(safety.tissue)
+        self._further: dict[str, int] = {}  # mm by which a tube's places are further
 
     def next_step(self, stay: int, go: int) -> NextStep | None:
         """Return what to do next, with so many clips to stay and to go; None once all is done."""
@@ -233,7 +237,9 @@ class ClosingSteps:
             for each in tissue.events
             if each.tube == tube and each.kind == "clip"
         )
-        far, use = place_to_close(clips, stay, go, span)
+        if tube not in self._further:
+            self._further[tube] = self._freest(tube, stay, go)
+        far, use = place_to_close(clips, stay, go, span, self._further[tube])
 
         def is_good(between: dict[str, float]) -> bool:
             """Return whether jaws are on the tube there, off its clips."""
@@ -249,9 +255,37 @@ class ClosingSteps:
         purpose = CLIP.format(len(clips) + 1, stay + go, use)
         return self._jaws.next_step("clip applier", tube, stations, is_good, purpose)
 
+    def _freest(self, tube: str, stay: int, go: int) -> int:
+        """Return by how much further from the gallbladder least holds a tube at its places, mm."""
+        tissue = self._safety.tissue
+        strands, number = tissue.tubes.strands, tissue.tubes.names.index(tube)
+        span, whole = tissue.tubes.network.tubes[tube].span, tissue.beam.damage < 1.0
+        held = np.concatenate(
+            [
+                strands.stations[whole & (strands.tubes == number)],
+                strands.to_stations[whole & (strands.to == number)],
+            ]
+        )
+        if self._safety.entering[tube]:
+            held = span - held
+
+        def holds(further: int) -> int:
+            places = np.array(places_to_close(stay, go, span, further))
+            return int((np.abs(held - places[:, None]) < HELD_MM).sum())
+
+        room = span - max(places_to_close(stay, go, span)) - SPACE_MM
+        return min(range(1 + max(0, min(MOST_FURTHER_MM, int(room)))), key=holds)
+
+
+def places_to_close(stay: int, go: int, span: float, further: float = 0.0) -> list[float]:
+    """Return places of clips that go, the division and clips that stay, mm from the gallbladder."""
+    space = min(SPACE_MM, span / (stay + go + 2))
+    first = space + further + min(NECK_MM, 0.25 * (span - space * (stay + go + 2)))
+    return [first + space * each for each in range(stay + go + 1)]
+
 
 def place_to_close(
-    clips: Sequence[float], stay: int, go: int, span: float
+    clips: Sequence[float], stay: int, go: int, span: float, further: float = 0.0
 ) -> tuple[float, Literal["stay", "go", "divide"]]:
     """Return where the next clip or the division is, mm from the gallbladder, and what it is for.
 
@@ -263,6 +297,8 @@ def place_to_close(
         How many are to stay and to go with it.
     span
         mm of the tube.
+    further
+        mm by which all places are further.
 
     Returns
     -------
@@ -272,9 +308,8 @@ def place_to_close(
     if len(clips) >= stay + go:
         ends = [0.0, *sorted(clips), span]
         return 0.5 * (ends[go] + ends[go + 1]), "divide"
-    space = min(SPACE_MM, span / (stay + go + 2))
-    first = space + min(NECK_MM, 0.25 * (span - space * (stay + go + 2)))
-    places = [first + space * each for each in range(stay + go + 1) if each != go]
+    places = places_to_close(stay, go, span, further)
+    division = places.pop(go)
     for each in clips:
         places.remove(min(places, key=lambda place: abs(place - each)))
-    return max(places), "stay" if max(places) > first + space * go else "go"
+    return max(places), "stay" if max(places) > division else "go"

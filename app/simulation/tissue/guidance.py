@@ -45,7 +45,7 @@ Floats = NDArray[np.float64]
 
 BEGUN = 0.1
 """Of the triangle's strands that have parted, from which on one has begun."""
-NECK_MM, SLACK_MM, BODY_MM = 8.0, 4.0, (13.0, 18.0, 10.0)
+NECK_MM, SLACK_MM, BODY_MM = 8.0, 4.0, (20.0, 16.0, 24.0)
 """mm from the gallbladder's neck, where it is held to be drawn aside or lifted, where to be drawn
 towards the common duct, and where to be drawn off the liver, one after the other."""
 STAGES, STAGE_MM = 3, 3.0
@@ -61,6 +61,9 @@ EASED = 0.45
 """Of a wall's break, to which what pulls is slackened once it is over `TAUT`."""
 EASES_MM = 3.0
 """By which what is held is let back at a time."""
+IS_BACK_MM, NEARLY_TORN = 1.0, 0.85
+"""mm off where it was taken hold of, within which what is held has been let back; and of a wall's
+break, from which on it is let go instead: let back, it may bend, and that strains a wall more."""
 GRIPPED, GIVES_WAY = 0.85, 15
 """Of the pull at which tissue slips out of a grasper, and strands that part, from which on it is
 drawn no further: more of them may part at once, and a vessel take the pull over."""
@@ -83,7 +86,7 @@ class _Pull(NamedTuple):
 
 
 ASIDE = _Pull(DRAW_ASIDE, (0.1, 0.74, 0.67))
-OFF_THE_LIVER = _Pull(DRAW_OFF, (-0.98, -0.2, 0.0))
+OFF_THE_LIVER = _Pull(DRAW_OFF, (-0.89, 0.32, -0.33))
 TO_COMMON = _Pull(DRAW_DOWN, (-0.71, -0.64, 0.3))
 UP = _Pull(LIFT, (0.0, -0.2, 0.98), lets_go=True)
 
@@ -132,7 +135,9 @@ class Guidance:
             return None
         view = self._safety.critical_view()
         if viewed:
-            return self._jaws_out() or self._closing.next_step(goal.stay, goal.go)
+            return (
+                self._jaws_out() or self._pressed() or self._closing.next_step(goal.stay, goal.go)
+            )
         parts = view.next_parts(goal.points)
         if not parts:
             return None
@@ -172,6 +177,14 @@ class Guidance:
         if self._jaws is None or not self._jaws.begun:
             return None
         return self._strained() or self._jaws.next_step()
+
+    def _pressed(self) -> NextStep | None:
+        """Return how the right hand leaves a wall that it presses on; None if it does not."""
+        hand, tissue = self.tissue.hands[RIGHT], self.tissue
+        if tissue.stress_ratio < TAUT or math.hypot(*tissue.forces[RIGHT]) < PUSHES_N:
+            return None
+        words = WITHDRAW.format(hand.instrument, tube_title(tissue.most_stressed))
+        return NextStep(words, self._strands, hand=RIGHT)
 
     def _follow(self) -> None:
         """Note what hands have done, and what is asked for no more."""
@@ -286,8 +299,11 @@ class Guidance:
             self._mover = int(moved.argmax())
         pushes = (np.array(self.tissue.forces) ** 2).sum(axis=1) > PUSHES_N**2
         ratio, opened = self.tissue.stress_ratio, any(each.opening for each in self.tissue.hands)
-        # From where it is too taut to where it no longer is, it goes on being slackened.
-        if opened or ratio < (TAUT if self._strains is None else EASED):
+        # From where it is too taut to where it no longer is, it goes on being slackened, unless it
+        # is strained with no hand pulling. Jaws come to what is slack: a press adds to a pull.
+        pulled = self._pulling is None and pushes[LEFT] and not pushes[RIGHT]
+        slack = TAUT if self._strains is None and not pulled else EASED
+        if opened or ratio < slack or not pushes.any():
             self._strains = None
             return None
         if self._strains is not None and pushes.all() and self._asked > LONGEST:
@@ -314,9 +330,11 @@ class Guidance:
             return None  # which slackens it too
         held = tube_title(self.tissue.tubes.names[hand.tube])
         # What is taut again and again is not held while the other hand withdraws.
-        if self._jaws is not None and self._jaws.strained_often:
-            return NextStep(LET_GO.format(held, STAYS_TAUT.format(wall)), self._strands, hand=LEFT)
+        often = self._jaws is not None and self._jaws.strained_often
         back = self._held_from
+        is_back = back is not None and math.dist(back, hand.tip) < IS_BACK_MM
+        if often or is_back or ratio > NEARLY_TORN:
+            return NextStep(LET_GO.format(held, STAYS_TAUT.format(wall)), self._strands, hand=LEFT)
         words = SLACKEN.format(held, "" if back is None else TO_RING, 100.0 * EASED, wall)
         place = None
         if back is not None:  # a little at a time: what is let back all the way leaves no room

@@ -20,6 +20,7 @@ from app.simulation.exercises.next_step import (
     PASS,
     PINCHED,
     PRESSES,
+    SWEEP,
     TURN,
     UNDER,
     WITHDRAW,
@@ -65,8 +66,8 @@ MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 
 State = Literal[
-    "to come", "beside", "opening", "open", "to close", "closing", "pinched", "to leave", "closed",
-    "to withdraw",
+    "to come", "beside", "sweeping", "opening", "open", "to close", "closing", "pinched",
+    "to leave", "closed", "to withdraw",
 ]  # fmt: skip
 
 
@@ -84,6 +85,7 @@ class JawSteps:
         self._pinched_side = 1.0  # 1 where jaws in front of it are off it, -1 where deeper ones are
         self._leaves = 0  # how often they have been led off it
         self._in_vain = 0  # judgements meanwhile at which a wall was strained
+        self._stuck = 0  # judgements in a row at which bent jaws strained a wall on their way back
         self._clear: Floats | None = None  # (3,) mm, where a bent tip is clear of what it lifted
         self._pressed = False  # whether the tip has pressed too hard here for jaws to part
         self.strained = 0
@@ -142,6 +144,8 @@ class JawSteps:
         hand, site, place = self._hand, self.site, self._place
         if hand is None:
             return
+        if self._tissue.stress_ratio < TAUT:
+            self._stuck = 0
         opens = hand.opening > self._opening + MOVES_MM
         closes, self._opening = hand.opening < self._opening - MOVES_MM, hand.opening
         if not self.begun:
@@ -152,15 +156,21 @@ class JawSteps:
                 self._pressed = True
             elif site.beside is not None and self._is_at(self._beside):
                 self._state = "beside"
+            elif site.sweeps and math.dist(hand.place, place) < IN_RING_MM:
+                self._state = "sweeping"
+        elif self._state == "sweeping":
+            assert site.through is not None  # noqa: S101
+            led = math.dist(hand.place, place + site.through) < IN_RING_MM
+            if led or self._tissue.stress_ratio > TAUT:
+                self._state = "to withdraw"
         elif not hand.opening:
             back = site.beside is None or math.dist(hand.place, self._back) < IN_RING_MM
             self._state = "to withdraw" if back or self._state == "to withdraw" else "closed"
         elif self._state in {"closed", "to withdraw"}:  # they have parted once more
             self._state = "opening" if opens else "to close"
         elif self._state == "pinched" and opens:
-            self._state, self._pinched_at = "to leave", hand.place.copy()
-            self._pinched_side = self._side_of(self._wall)
-            self._pinched_far = min(self._far_off(self._wall), LEAVES_BACK_MM)
+            self._state = "to leave"
+            self._leave_from(self._wall)
         elif self._state == "to leave":
             if self._tissue.stress_ratio > TAUT:
                 # A ring that moved at once could not be followed.
@@ -192,6 +202,8 @@ class JawSteps:
         if self._state == "open" and site.through is not None:
             under = self._place + site.through
             return self._step(UNDER.format(tool, titles[0]), under, through=True)
+        if self._state == "sweeping" and site.through is not None:
+            return self._into_ring(SWEEP.format(tool, *titles), self._place + site.through)
         if self._state == "closed":
             return self._into_ring(BACK_ALONG.format(tool), self._back)
         if self.begun:
@@ -214,14 +226,14 @@ class JawSteps:
         beside = self._state == "beside"
         place = self._place if beside else self._beside
         there = hand is not None and math.dist(hand.place, place) < IN_RING_MM
-        if there:
+        if there and not site.sweeps:
             words = (OPEN if self._is_at(place) else TURN).format(tool)
         elif beside:
             words = PASS[site.where].format(tool, *titles)
         else:
             words = PART[site.where].format(*titles, tool)
         step = self._step(words, place, through=beside, leads=not there)
-        return step._replace(along=three(site.along))
+        return step if site.sweeps else step._replace(along=three(site.along))
 
     def withdrawn(self) -> NextStep:
         """Return that the jaws strain a wall, and where they go then."""
@@ -232,7 +244,18 @@ class JawSteps:
         # front of it still.
         if self._state == "to withdraw":
             self._state, self._clear = "closed", self._clear_of(wall)
-        return self._into_ring(WITHDRAW_ALONG.format(self._tool, tube_title(wall)), self._back)
+        if self._stuck % LEAVES_FOR == LEAVES_FOR - 1:
+            self._leave_from(wall)
+            self._leaves += 1
+        self._stuck += 1
+        words = WITHDRAW_ALONG.format(self._tool, tube_title(wall))
+        return self._into_ring(words, self._back if self._stuck < LEAVES_FOR else self._left)
+
+    def _leave_from(self, wall: str) -> None:
+        """Note where jaws are from which they are led off a wall."""
+        self._pinched_at = self._tissue.hands[RIGHT].place.copy()
+        self._pinched_side = self._side_of(wall)
+        self._pinched_far = min(self._far_off(wall), LEAVES_BACK_MM)
 
     @property
     def _left(self) -> Floats:

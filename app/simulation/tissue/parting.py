@@ -8,7 +8,8 @@ a little behind them, so that shafts push them, and not tips.
 
 A right angle parts the rest (passes.py). A place counts less, each time that jaws have opened. What
 is left at last runs from the cystic duct to what enters the neck beside it. A dissector parts that
-from the front: one jaw goes to the neck and the duct, the other away from both.
+from the front: one jaw goes to the neck and the duct, the other away from both. Or it is swept
+through, closed.
 """
 
 import math
@@ -26,6 +27,7 @@ from app.simulation.exercises.critical_view import (
     Part,
 )
 from app.simulation.exercises.next_step import Where
+from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.passes import Passes
 from app.simulation.tissue.safety import Safety
 
@@ -46,15 +48,39 @@ AGAIN, FORGOTTEN = 0.3, 60
 again."""
 NECK_ONLY = 0.9
 """Of what entering tubes lack, what leads to the cystic duct, from which on a dissector does it."""
-NEARER, TURNS_DEG, OFF_DUCT, PAST_DUCT_MM = (0.7, 0.4, 0.85), (45.0, 0.0), 0.35, 2.5
-"""Parts of those strands that are farther from the neck than where it parts them, and degrees by
-which its jaws are turned towards the neck, in turn while little parts; and where, as a part of the
-way from the duct, and mm behind it: of some 1,700 openings that were tried in the physics, those
-that parted most (docs/scope.md)."""
+OFF_DUCT, PAST_DUCT_MM = 0.35, 2.5
+"""Where its jaws part those, as a part of the way from the duct, and mm behind it: of some 1,700
+openings that were tried in the physics, those that parted most (docs/scope.md)."""
 DUCT_MM = 4.0
 """mm of the cystic duct at the neck, that say which way it runs."""
 LEFT_OVER = 0.25
 """Of the strands near a place, up to which nothing is left to part there."""
+
+
+class Spread(NamedTuple):
+    """How jaws open at the neck."""
+
+    nearer: float  # part of the strands that are farther from the neck than where they open
+    turn_deg: float  # by which they are turned towards the neck
+
+
+class Sweep(NamedTuple):
+    """How closed jaws are led through what holds the cystic duct at the neck."""
+
+    off_duct: float  # part of the way from the duct
+    deep: float  # mm behind it
+    to_neck: bool  # or from there
+
+
+AT_NECK = (
+    Spread(0.7, 45.0), Sweep(0.7, 4.5, True), Spread(0.4, 45.0), Sweep(0.7, 5.0, False),
+    Spread(0.85, 45.0), Sweep(0.5, 3.0, True), Spread(0.7, 0.0), Spread(0.4, 0.0),
+)  # fmt: skip
+"""What is tried in turn, while little parts."""
+PASSES_AFTER = 3
+"""Passes of a right angle that are tried then, before those again."""
+SWEEP_BEFORE_MM, SWEEP_PAST_MM = 4.0, 2.0
+"""mm before and past what is swept."""
 
 
 class Site(NamedTuple):
@@ -69,6 +95,7 @@ class Site(NamedTuple):
     along: Floats  # (3,) along which jaws part, or a bent tip's direction, from its end back
     through: Floats | None  # (3,) mm, how open jaws are led on from there, if they are
     beside: Floats | None = None  # (3,) mm, from there to where a bent tip comes from, if it is
+    sweeps: bool = False  # whether jaws are led on closed
 
 
 def _weight(site: Site) -> float:
@@ -93,7 +120,10 @@ class PartingPlaces:
                 return None
             beside = lacking[self._beside_duct(lacking)]
             if part == "tubes" and beside.size > NECK_ONLY * lacking.size:
-                return max((self._at_neck(each) for each in self._groups(beside)), key=_weight)
+                group = max(self._groups(beside), key=len)
+                tried = self._fruitless[self._tubes_of(group)] % (len(AT_NECK) + PASSES_AFTER)
+                if tried < len(AT_NECK):
+                    return self._at_neck(group, AT_NECK[tried])
             return self._passed(lacking)
         if part == "triangle":
             lacking = self._in_reach(view, lacking)
@@ -115,13 +145,13 @@ class PartingPlaces:
 
         Where that was fruitless, all places of the group are weighed less, until it is not.
         """
+        group = self._tubes_of(site.strands)
+        self._fruitless[group] = self._fruitless[group] + 1 if fruitless else 0
         if site.beside is not None:
             left = float(self._whole[site.near].mean())
             self._passes.note_tried(self.place_of(site), site.along, 1.0 - left)
             return
         self._tried.append((self.place_of(site) - site.offset, self._tissue.beam.broken))
-        group = self._tubes_of(site.strands)
-        self._fruitless[group] = self._fruitless[group] + 1 if fruitless else 0
 
     @property
     def _whole(self) -> NDArray[np.bool_]:
@@ -185,31 +215,39 @@ class PartingPlaces:
         of, to = strands.tubes[which], strands.to[which]
         return (to >= 0) & ((of == duct) | (to == duct))
 
-    def _at_neck(self, group: Ints) -> Site:
-        """Return where to part the cystic duct from what runs into the neck beside it."""
-        safety, beam = self._safety, self._tissue.beam
-        tubes, cystic = self._tissue.tubes, safety.cystic
-        own = tubes.strands.tubes[group] == tubes.names.index(cystic)
+    def _at_neck(self, group: Ints, how: "Spread | Sweep") -> Site:
+        """Return where to part the cystic duct from what runs into the neck beside it, and how."""
+        safety, tubes = self._safety, self._tissue.tubes
+        own = tubes.strands.tubes[group] == tubes.names.index(safety.cystic)
         ends, feet = self._ends(group)
         duct = np.where(own[:, None], ends, feet)
         across = ends + feet - 2.0 * duct  # to the other tube
-        neck, span = safety.corners()[1], tubes.network.tubes[cystic].span
-        before = span - DUCT_MM if safety.entering[cystic] else DUCT_MM
-        runs = neck - beam.places_at(np.array([before]), cystic)[0]
-        turn, part = divmod(self._fruitless[self._tubes_of(group)], len(NEARER))
+        neck, span = safety.corners()[1], tubes.network.tubes[safety.cystic].span
+        before = span - DUCT_MM if safety.entering[safety.cystic] else DUCT_MM
+        runs = neck - self._tissue.beam.places_at(np.array([before]), safety.cystic)[0]
         farthest = np.argsort(((neck - duct) ** 2).sum(axis=1))[::-1]
-        at = int(farthest[int(NEARER[part] * group.size)])
-        place = duct[at] + OFF_DUCT * across[at] - [0.0, 0.0, PAST_DUCT_MM]
-        flat = across[:, :2].mean(axis=0)
-        flat /= math.hypot(*flat)
-        to_neck = runs[:2] - float(runs[:2] @ flat) * flat
-        to_neck /= math.hypot(*to_neck)
-        angle = math.radians(TURNS_DEG[turn % len(TURNS_DEG)])
-        along = np.append(math.cos(angle) * flat - math.sin(angle) * to_neck, 0.0)
         middles = duct + 0.5 * across
+        if isinstance(how, Sweep):
+            at, along = int(farthest[group.size // 2]), runs / math.hypot(*runs)
+            along *= 1.0 if how.to_neck else -1.0
+            places = duct + how.off_duct * across
+            reach = (places - middles[at]) @ along
+            offset = places.mean(axis=0) - middles[at] - how.deep * TROCARS[1].shaft(middles[at])
+            offset += (reach.min() - SWEEP_BEFORE_MM - float(reach.mean())) * along
+            through = (float(np.ptp(reach)) + SWEEP_BEFORE_MM + SWEEP_PAST_MM) * along
+            return Site(
+                "between", group, group, int(group[at]), float(group.size), offset, along, through,
+                sweeps=True,
+            )  # fmt: skip
+        at = int(farthest[int(how.nearer * group.size)])
+        offset = (OFF_DUCT - 0.5) * across[at] - [0.0, 0.0, PAST_DUCT_MM]
+        flat = np.append(across[:, :2].mean(axis=0), 0.0)
+        flat /= math.hypot(*flat)
+        to_neck = math.copysign(1.0, float(runs @ _across(flat))) * _across(flat)
+        angle = math.radians(how.turn_deg)
+        along = math.cos(angle) * flat - math.sin(angle) * to_neck
         near = group[((middles - middles[at]) ** 2).sum(axis=1) < NEAR_MM**2]
-        offset, weight = place - middles[at], float(near.size)
-        return Site("between", group, near, int(group[at]), weight, offset, along, None)
+        return Site("between", group, near, int(group[at]), float(near.size), offset, along, None)
 
     def _passed(self, which: Ints) -> Site:
         """Return where a right angle parts some strands, named by those that are most."""
