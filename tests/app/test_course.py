@@ -361,10 +361,10 @@ def test_the_shipped_benchmarks_are_what_scripted_hands_do() -> None:
     assert session.run.outcome is not None
     assert session.run.outcome.passed, session.run.outcome.reason
     assert session.metrics()["blood_lost_ml"] <= blood.value
-    # Of runs at an anatomy that is none of the level's, so as a part of each wall's own break.
     level = course.level_of("view")
+    assert len(level.seeds) >= level.passes
     assert course.marks(level).keys() == {"peak_stress_ratio"}
-    assert course.marks(level)["peak_stress_ratio"] < 0.95
+    assert course.marks(level)["peak_stress_ratio"] < 0.9
 
 
 def test_a_class_has_a_course_and_a_teacher_sets_levels(store: ClassStore) -> None:

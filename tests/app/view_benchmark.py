@@ -1,17 +1,17 @@
 """Benchmarks of the course's last level, by hands that do only what the page asks for.
 
-`python tests/app/view_benchmark.py 1 2 3` prints them, from those of these seeds' runs that pass.
-They are at the anatomy *normal*: such hands passed at none of the level's own that were tried.
+`python tests/app/view_benchmark.py` prints them, from runs at the level's anatomies; with seeds,
+as `python tests/app/view_benchmark.py 1 2 3`, from those at these that pass.
 """
 
 import sys
 
 import msgspec
 import tomli_w
-from test_first_view import followed
+from test_first_view import followed, last_level
 
 from app.classroom.benchmarks import scripted_benchmark
-from app.classroom.course import INCIDENTS
+from app.classroom.course import INCIDENTS, default_course, read_course
 from app.simulation import Incident, Metrics
 
 METRICS = ("peak_stress_ratio", INCIDENTS, "time_s")
@@ -20,8 +20,8 @@ METRICS = ("peak_stress_ratio", INCIDENTS, "time_s")
 def main(seeds: list[int]) -> None:
     """Print how each run ended, and the benchmarks."""
     runs: list[tuple[Metrics, list[Incident]]] = []
-    for seed in seeds:
-        session = followed(seed, "critical_view", 1200.0).session
+    for seed in seeds or read_course(default_course()).level_of("view").seeds:
+        session = followed(seed, last_level(seed), 1800.0).session
         outcome, made = session.run.outcome, (session.metrics(), session.run.incidents())
         ended = session.run.standing if outcome is None else outcome.reason
         print(f"# seed {seed}, {made[0]['time_s']:.0f} s. {ended}", flush=True)
