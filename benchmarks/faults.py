@@ -596,7 +596,7 @@ FAULTS = (
     fault("follow_front", "near", near_break, (9.0, 10.0, 11.0), "near_break_fast", bed="loose"),
     fault("window", "plough patiently", patient_plough, (4.0, 5.0, 8.0), "ploughing"),
     *(
-        fault("stop_bleeding", name, make, speeds, *named, at=(25, 27, 30))
+        fault("stop_bleeding", name, make, speeds, *named, at=(21, 27, 30))
         for name, make, speeds, named in (
             ("stab", stab_and_clip, (60.0, 100.0, 200.0), ("blind_stab",)),
             ("spray", spray_clips, (10.0, 12.0, 14.0), ("clip_astray", "tension_on_vessel")),
