@@ -70,8 +70,8 @@ def tube_lines(anatomy: Anatomy) -> dict[str, TubeLine]:
     Raises
     ------
     TableError
-        If a joined end is not at the axis that it joins, a place is beyond an axis, or the walls
-        of two tubes cross away from where they join and no [[touch]] names the two.
+        If a joined end is not at the axis that it joins, a place or a face is beyond an axis, or
+        the walls of two tubes cross away from where they join and no [[touch]] names the two.
     """
     lines: dict[str, TubeLine] = {}
     for number, tube in enumerate(anatomy.tube):
@@ -81,6 +81,14 @@ def tube_lines(anatomy: Anatomy) -> dict[str, TubeLine]:
             message = f"tube {tube.name!r}: {error}"
             raise TableError(message, "tube", number, "points_mm") from None
     nodes = joined_places(anatomy, lines)
+    for number, join in enumerate(anatomy.join):
+        length = lines[join.tube].length
+        if join.face_mm >= length:
+            raise TableError(
+                f"join of {join.tube!r}: face_mm must be below that tube's length of {length:.4g} "
+                f"mm, got {join.face_mm:g}",
+                "join", number, "face_mm",
+            )  # fmt: skip
     for number, layer in enumerate(anatomy.layer):
         length = lines[layer.tube].length
         upto = length if layer.to_mm is None else layer.to_mm

@@ -319,6 +319,12 @@ BROKEN: dict[str, tuple[str, str, str]] = {
                "rows_LPS = [[2, 0, 0], [0, 1, 0], [0, 0, 1]]\n\n[[tube]]"),
         "rows_LPS = ", "directions of a turn",
     ),
+    "a face before a joint": (
+        edited("face_mm = 3.2", "face_mm = -3.2"), "face_mm = -3.2", "'cystic'.*face_mm.*from 0",
+    ),
+    "a face beyond the tube": (
+        edited("face_mm = 3.2", "face_mm = 32.0"), "face_mm = 32.0", "'cystic'.*length of 23",
+    ),
     "a tube that touches itself": (
         NORMAL + '\n[[touch]]\ntube = "rha"\nto = "rha"\nlength_mm = 8.0\n', 'to = "rha"\nlength',
         "'rha' touches itself",
