@@ -65,7 +65,7 @@ def page(server: viser.ViserServer, cookie: str = "") -> Any:
         f"ws://127.0.0.1:{server.get_port()}",
         compression=None,
         subprotocols=[Subprotocol(UPGRADE["Sec-WebSocket-Protocol"])],
-        additional_headers={"Cookie": cookie},
+        additional_headers={"Cookie": cookie}, open_timeout=LONGEST,
     )  # fmt: skip
 
 

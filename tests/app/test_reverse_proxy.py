@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from browser import PATIENCE
 from playwright.sync_api import Browser
-from program import free_port, refused
+from program import LONGEST, free_port, refused
 from simulated import phantom
 from test_guard import TOKEN, UPGRADE, Answer
 from websockets import Subprotocol
@@ -78,6 +78,7 @@ def test_what_is_sent_is_encrypted_with_the_certificate(certificate: tuple[Path,
             origin=f"https://localhost:{port}",  # pyright: ignore[reportArgumentType]
             additional_headers={"Cookie": found[1]},
             subprotocols=[Subprotocol(UPGRADE["Sec-WebSocket-Protocol"])],
+            open_timeout=LONGEST,
         ):
             assert len(connections) == 1
         with pytest.raises((OSError, ConnectionError)):

@@ -11,6 +11,7 @@ import haply_pages as pages
 import msgspec
 import numpy as np
 import pytest
+from program import LONGEST
 from websockets.asyncio.client import connect
 
 from app.haptics.hand import HandScript, SimulatedHand, SimulatedHardware, Waypoint, read_hand
@@ -178,7 +179,7 @@ def test_a_socket_gives_one_inventory_one_state_a_message_and_the_list_of_device
     async def talk() -> None:
         async with await HaplyServer(script, message.append).start("127.0.0.1", 0) as server:
             port = next(iter(server.sockets)).getsockname()[1]
-            async with connect(f"ws://127.0.0.1:{port}") as client:
+            async with connect(f"ws://127.0.0.1:{port}", open_timeout=LONGEST) as client:
                 first = json.loads(await client.recv())
                 assert first["inverse3"][0]["config"]["handedness"] == "right"
                 await client.send("{")
