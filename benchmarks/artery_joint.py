@@ -28,10 +28,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-RUN, BRANCH = (
-    (1.45, 0.29),
-    (0.85, 0.17),
-)  # outer radius and wall, drawn means (docs/anatomy-method.md)
+RUN, BRANCH = (1.45, 0.29), (0.85, 0.17)
+"""Outer radius and wall of both: means of drawn cases (docs/anatomy-method.md)."""
 RUN_MM, BRANCH_MM = 24.0, 10.0  # length between clamps, and from axis to end
 POISSON, SHEAR = 0.45, 0.5  # shear coefficient of a thin tube
 ELEMENT_MM = 1.1  # of the beam that stands for it

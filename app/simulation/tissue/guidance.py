@@ -180,10 +180,15 @@ class Guidance:
 
     def _pressed(self) -> NextStep | None:
         """Return how the right hand leaves a wall that it presses on; None if it does not."""
-        hand, tissue = self.tissue.hands[RIGHT], self.tissue
+        tissue = self.tissue
         if tissue.stress_ratio < TAUT or math.hypot(*tissue.forces[RIGHT]) < PUSHES_N:
             return None
-        words = WITHDRAW.format(hand.instrument, tube_title(tissue.most_stressed))
+        return self._withdrawn(RIGHT)
+
+    def _withdrawn(self, hand: int) -> NextStep:
+        """Return that what a hand holds is drawn back a little from the wall that it strains."""
+        wall = tube_title(self.tissue.most_stressed)
+        words = WITHDRAW.format(self.tissue.hands[hand].instrument, wall)
         return NextStep(words, self._strands, hand=RIGHT)
 
     def _follow(self) -> None:
@@ -321,8 +326,7 @@ class Guidance:
         if hand.instrument not in HOLDING:
             if self._jaws is not None:
                 return self._jaws.withdrawn()
-            words = WITHDRAW.format(hand.instrument, wall)
-            return NextStep(words, self._strands, hand=RIGHT)
+            return self._withdrawn(self._strains)
         if hand.node is None:
             return None
         pulling = self._pulling

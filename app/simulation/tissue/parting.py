@@ -215,7 +215,7 @@ class PartingPlaces:
         of, to = strands.tubes[which], strands.to[which]
         return (to >= 0) & ((of == duct) | (to == duct))
 
-    def _at_neck(self, group: Ints, how: "Spread | Sweep") -> Site:
+    def _at_neck(self, group: Ints, how: Spread | Sweep) -> Site:
         """Return where to part the cystic duct from what runs into the neck beside it, and how."""
         safety, tubes = self._safety, self._tissue.tubes
         own = tubes.strands.tubes[group] == tubes.names.index(safety.cystic)
