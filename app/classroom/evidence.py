@@ -499,6 +499,10 @@ def _table(path: Path, wanted: Sequence[str]) -> list[dict[str, str]]:
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
+    except FileNotFoundError as error:
+        raise ValueError(
+            f"there is no {path}: give the folder that class research-export has written"
+        ) from error
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"cannot read {path}: {error}") from error
     for name in wanted:

@@ -185,5 +185,9 @@ def draw_link(link: str) -> None:
     """Draw a link as a QR code for phones and tablets, in a terminal that has its characters."""
     import segno
 
-    if sys.stdout.isatty() and sys.stdout.encoding.lower().startswith("utf"):
+    from app.trainer.connections.guard import opens_elsewhere
+
+    if not opens_elsewhere(link):
+        print("Other devices cannot open this link; --host 0.0.0.0 gives one that they can.")
+    elif sys.stdout.isatty() and sys.stdout.encoding.lower().startswith("utf"):
         segno.make(link, micro=False).terminal(compact=True)

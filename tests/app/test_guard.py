@@ -345,3 +345,11 @@ def test_the_link_is_drawn_as_a_code_that_a_camera_reads(monkeypatch: pytest.Mon
     ]
     picture = np.kron(np.array(halves, np.uint8), np.ones((8, 8), np.uint8))
     assert cv2.QRCodeDetector().detectAndDecode(picture)[0] == link
+
+
+def test_a_link_of_this_machine_alone_is_not_drawn_for_phones(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for link in ("http://127.0.0.1:8080/", "http://localhost:8080/", "http://[::1]:8080/"):
+        draw_link(link)
+        assert "--host 0.0.0.0" in capsys.readouterr().out

@@ -215,7 +215,7 @@ def test_from_a_class_to_its_evidence_by_commands(store: ClassStore, tmp_path: P
     assert "fewer than five people" in out
     assert "there is no group 'novice'" in refused(["class", "evidence", study])
     assert "give --ask" in refused(["class", "research-export", held])
-    assert "cannot read" in refused(["class", "evidence", tmp_path / "nowhere"])
+    assert "class research-export" in refused(["class", "evidence", tmp_path / "nowhere"])
 
 
 def test_statistics_are_those_of_pingouin_and_scikit_learn() -> None:

@@ -29,9 +29,15 @@ from app.classroom.report import report_page, results_html, style
 from app.classroom.results import results, results_csv, results_json
 from app.trainer.classroom.lesson import Lesson
 from app.trainer.connections.bounds import PageConnection
+from app.trainer.connections.guard import opens_elsewhere
 from app.trainer.panel.frame import DISCLAIMER
 
 LIVE_SECONDS = 0.5
+ONLY_HERE = (
+    '<p class="empty">Only this computer can open this link. '
+    "Start the class with --host 0.0.0.0 for other devices.</p>"
+)
+"""In place of a link's QR code."""
 LONGEST_COMMAND = 50_000
 HTML, SCRIPT, STYLE = "text/html", "text/javascript", "text/css"
 SAFE = {
@@ -165,7 +171,11 @@ class TeacherPage:
         store, link = self._lesson.store, self._link()
         current = self._lesson.assignment
         text = template("window") if current is None else current[0].text
-        code = segno.make(link, micro=False).svg_inline(omitsize=True, light="#fff")
+        code = (
+            segno.make(link, micro=False).svg_inline(omitsize=True, light="#fff")
+            if opens_elsewhere(link)
+            else ONLY_HERE
+        )
         values = {
             "TITLE": html.escape(store.title),
             "LINK": html.escape(link),

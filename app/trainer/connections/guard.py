@@ -228,6 +228,11 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def opens_elsewhere(link: str) -> bool:
+    """Return whether other machines can open a link."""
+    return not is_loopback(urlsplit(link).hostname or "")
+
+
 def _public(url: str) -> SplitResult:
     """Return the parts of a public URL, without a slash at its end."""
     address = urlsplit(url.rstrip("/"))
