@@ -231,7 +231,7 @@ class Readings:
 
     def rod_contact(self, rod: int) -> Floats:
         """(3,) the part of that force that presses the rod against the beam itself, N."""
-        return self.state.press[rod].copy()
+        return self.state.press[rod, :3].copy()
 
     def nicks_of(self, tube: str | None = None) -> tuple[Nick, ...]:
         """Return the tears that go part of the way through a tube."""

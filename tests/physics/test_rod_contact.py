@@ -211,8 +211,8 @@ def test_a_rod_is_held_back_where_no_hand_could_press_so_hard(
     assert z == pytest.approx(begin + direction, abs=1e-12) or pressed > 0.9 * kernels.HELD_BACK
     assert turns(live, x, z) == side
     energy = live.energy
-    # Without `retrace` up to 0.13 % is open.
-    assert abs(energy.residual) < 2e-3 * energy.work
+    # Without `retrace` up to 0.21 % is open.
+    assert abs(energy.residual) < 3e-3 * energy.work
     assert energy.snap >= 0.0 <= energy.drag
 
 

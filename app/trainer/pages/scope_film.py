@@ -26,7 +26,7 @@ MOST_PICTURES = 200
 """Of a film: twenty seconds. A longer run is shown faster."""
 SIDE = 480
 """Dots of a film's sides."""
-QUALITY = 55
+QUALITY = 75
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 HIDDEN = (
     "body *:not(:has(canvas), canvas, .bd-scope-frame, .bd-scope-lens)"

@@ -36,8 +36,10 @@ from physics.bed.kernels.vectors import Floats, Ints, Three, added, dot, inner, 
 CORE, STIFFER = 0.5, 10.0
 HELD_BACK = 50.0
 """N with which an instrument presses on tubes at most: surgeons who draw gallbladders aside peak at
-50.7 (3.8) N at the handle (Barrie 2016, Surg Innov 23:463). In real time a rod goes no further
-against a larger force until what it presses has given way, but slides along it."""
+50.7 (3.8) N at the handle (Barrie 2016, Surg Innov 23:463). In real time a rod that presses harder
+than `HELD_FROM` of it goes only so far on that it would reach it if nothing gave way, is pressed
+back by what is more, and slides along what it presses."""
+HELD_FROM = 0.5
 # Part of its distance, or of the core's radius, by which an element may come nearer to a rod at
 # once, and the rod to where the element was before; part of the core's radius at which a rod comes
 # no nearer, some kilonewtons.
@@ -119,6 +121,7 @@ def core_pass(
                 g[j, r] -= t * force * n[r]
                 pull[m, r] += force * n[r]
                 press[m, r] += force * n[r]
+            press[m, 3] += slope
             geometric = 0.0
             if kind != RELAXED:
                 geometric = force / away
@@ -167,17 +170,20 @@ def clear_of_rods(
 
 
 @inner
-def rod_displacement(rods: Floats, rods_to: Floats, press: Floats, m: int) -> Three:
-    """Return a rod's way to its target, mm, less what a hand that is held back cannot go."""
-    x = rods_to[m, TIP] - rods[m, TIP]
-    y = rods_to[m, TIP + 1] - rods[m, TIP + 1]
-    z = rods_to[m, TIP + 2] - rods[m, TIP + 2]
-    p = (press[m, 0], press[m, 1], press[m, 2])
-    square, against = dot(p, p), p[0] * x + p[1] * y + p[2] * z
-    if square <= HELD_BACK * HELD_BACK or against <= 0.0:
-        return x, y, z
-    component = against / square
-    return x - component * p[0], y - component * p[1], z - component * p[2]
+def lead_rods(s: State, fraction: float) -> None:
+    """Write the rods' ways to their targets, of which they are to go a fraction."""
+    for m in range(s.rods.shape[0]):
+        for r in range(3):
+            s.way[m, r] = s.rods_to[m, TIP + r] - s.rods[m, TIP + r]
+        p = (s.press[m, 0], s.press[m, 1], s.press[m, 2])
+        size = math.sqrt(dot(p, p))
+        if size <= HELD_FROM * HELD_BACK:
+            continue
+        most = (HELD_BACK - size) / (fraction * s.press[m, 3])
+        too_far = dot(p, (s.way[m, 0], s.way[m, 1], s.way[m, 2])) / size - most
+        if too_far > 0.0:
+            for r in range(3):
+                s.way[m, r] -= too_far / size * p[r]
 
 
 @outer
@@ -196,12 +202,12 @@ def nearest_core(s: State, rod: Floats) -> float:
 
 @outer
 def rods_clear_of(s: State, fraction: float) -> float:
-    """Return the part of the rods' way to their targets, at most `fraction`, that is clear."""
+    """Return the part of the rods' ways, at most `fraction`, that is clear."""
     # 0 where a rod is as near to an element as it can come and would have to go nearer.
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] == 0.0:
             continue
-        to = rod_displacement(s.rods, s.rods_to, s.press, m)
+        to = (s.way[m, 0], s.way[m, 1], s.way[m, 2])
         for element in range(s.h.size):
             if s.stiff[element, 0] == 0.0:
                 continue

@@ -314,4 +314,5 @@ def press_beam(
             if aside > 0.0:
                 diagonal[n, r, col] += aside * d[r] * d[col] + along * u[r] * u[col]
         diagonal[n, r, r] -= aside
+    press[m, 3] += push
     return 0.5 * push * deep * deep

@@ -115,7 +115,8 @@ class State(NamedTuple):
     # (M, S) side on which a strand goes round a rod, 1 or -1; 0: it does not touch; `NO_CONTACT`
     side: Bytes
     pull: Floats  # (M, 3) forces of hands on rods, N
-    press: Floats  # (M, 3) their part against the beam itself, N
+    # (M, 4) their part against the beam itself, N, and its stiffness while no node moves, N/mm
+    press: Floats
     section: Floats  # (E, 11)
     fibres: Floats  # (FIBRE_ROWS, 7 E) or (FIBRE_ROWS, 0) what they do
     g: Floats  # (N, 6) gradient, N and N mm
@@ -132,6 +133,7 @@ class State(NamedTuple):
     load_to: Floats
     rods_from: Floats
     rods_to: Floats
+    way: Floats  # (M, 3) of rods to there, mm, less what their hands have not the force for
     hold: Floats
     cross: Floats  # (6, 6) the block of the pair of nodes that is summed
     react: Floats  # (N, 3) forces of hands that hold, N

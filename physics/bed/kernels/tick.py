@@ -9,7 +9,7 @@ import math
 
 from physics.bed.kernels.assembly import assemble
 from physics.bed.kernels.balance import account
-from physics.bed.kernels.core import clear_of_rods, rod_displacement, rods_clear_of
+from physics.bed.kernels.core import clear_of_rods, lead_rods, rods_clear_of
 from physics.bed.kernels.relaxation import settle
 from physics.bed.kernels.state import (
     CLEAR,
@@ -36,12 +36,13 @@ MOST_SUBSTEPS = 4096
 
 @inlined
 def safe_rods_fraction(s: State, fraction: float) -> float:
-    """Return the part of the rods' way to their targets, at most `fraction`, to go at once."""
+    """Return the part of the rods' ways, at most `fraction`, to go at once."""
+    lead_rods(s, fraction)
     longest, thinnest = 0.0, math.inf
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] != 0.0:
-            motion = rod_displacement(s.rods, s.rods_to, s.press, m)
-            longest = max(longest, math.sqrt(dot(motion, motion)))
+            way = (s.way[m, 0], s.way[m, 1], s.way[m, 2])
+            longest = max(longest, math.sqrt(dot(way, way)))
             thinnest = min(thinnest, s.rods[m, RADIUS])
     if fraction * longest > thinnest:  # it might jump over a strand
         fraction = thinnest / longest
@@ -65,9 +66,8 @@ def advance(
             s.goal[n, r] += fraction * (s.goal_to[n, r] - s.goal[n, r])
             s.load[n, r] += fraction * (s.load_to[n, r] - s.load[n, r])
     for m in range(s.rods.shape[0]):
-        motion = rod_displacement(s.rods, s.rods_to, s.press, m)
         for r in range(3):
-            s.rods[m, TIP + r] += rods_fraction * motion[r]
+            s.rods[m, TIP + r] += rods_fraction * s.way[m, r]
     account(s, int(RELAXED), relaxation)
     if s.memory.shape[1] or s.wall_memory.shape[1]:
         settle(s, seconds)
