@@ -22,6 +22,11 @@ def passive_coupling(limits: DeviceLimits, settings: LoopSettings) -> float:
     # from the one that is due by K times the way since, at most, and by Cauchy and Schwarz the
     # integral of |x'(t) x'(t - s)| is no more than that of x'^2 [tau = 0: Colgate and Schenkel
     # 1997, J. Robotic Systems 14:37]. To the hand the scale makes the spring stiffer.
+    if limits.damping <= 0.0:
+        raise ValueError(
+            "a device without friction can show no spring and give no energy: give it damping, or "
+            "a coupling, N/mm"
+        )
     late = 0.5 * settings.period + limits.delay
     return min(1e-3 * limits.damping / (settings.scale * late), STIFFEST)
 

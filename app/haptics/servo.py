@@ -276,8 +276,6 @@ class Servo:
             worst = max(worst, abs(force - solved) / abs(solved))
         _, place, force = max(self._checks, key=lambda check: check[1])
         return ForceCheck(
-            "the model's force at the hook's place w (the hand is force/coupling farther out) with "
-            "the theory solved from rest at w; the device is given this force, bounded, and what "
-            "the passivity controller adds",
+            "the model's force with the theory's, solved from rest, both at the hook's place",
             len(self._checks), worst, place, force,
         )  # fmt: skip

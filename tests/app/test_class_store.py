@@ -275,7 +275,7 @@ def test_an_exercise_file_may_change_which_errors_fail_it() -> None:
     )
     assert plain.exercise.errors["stirring"] == 0
     assert changed.exercise.errors == plain.exercise.errors | {"stirring": 2, "repeated_holds": 3}
-    assert "stirred with the jaws" in changed.exercise.caution
+    assert "stirred with the jaws" in changed.exercise.full_caution
 
 
 @pytest.mark.parametrize(

@@ -149,6 +149,12 @@ def test_what_is_wrong_is_said(words: list[str], says: str) -> None:
     assert says in refused(["haptics", *words])
 
 
+def test_a_device_without_friction_needs_a_coupling(tmp_path: Path) -> None:
+    hand = tmp_path / "hand.toml"
+    hand.write_text("[device]\ndamping_N_s_per_m = 0.0\n")
+    assert "give it damping" in refused(["haptics", "--device", "virtual", "--hand", str(hand)])
+
+
 def test_a_driver_is_written_in_forty_lines() -> None:
     source = block("python", "class SpringBox")
     assert len(source.splitlines()) <= 40

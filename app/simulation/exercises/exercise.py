@@ -155,7 +155,7 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
     @property
     def caution(self) -> str:
-        """What not to do, in one sentence."""
+        """What not to do, in one sentence; `failing` names the errors."""
         opening = self.opening
         words = ["do not tear the duct"]
         if opening is not None and opening.anatomy is not None:
@@ -163,11 +163,21 @@ class Exercise(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
         words = words if "tear" in self.limit_of else []
         words += [METRIC_OF[each.of].limit_words(each.value) for each in self.limits
                   if each.of in METRIC_OF]  # fmt: skip
-        titles = [ERROR_CLASSES[key].title.lower() for key in self.errors if key != "tear"]
-        if titles:
-            words.append(f"these errors fail it: {', '.join(titles)}")
         text = "; ".join(words)
-        return f"{text[0].upper()}{text[1:]}." if text else "Nothing but time limits it."
+        if not text:
+            return "Errors alone limit it." if self.failing else "Nothing but time limits it."
+        return f"{text[0].upper()}{text[1:]}."
+
+    @property
+    def failing(self) -> list[str]:
+        """Titles of the errors that fail it, but a tear."""
+        return [ERROR_CLASSES[key].title for key in self.errors if key != "tear"]
+
+    @property
+    def full_caution(self) -> str:
+        """`caution`, and in a second sentence the errors that fail it."""
+        errors = f" These errors fail it: {', '.join(self.failing).lower()}."
+        return f"{self.caution}{errors if self.failing else ''}"
 
     @property
     def limit_of(self) -> dict[str, float]:

@@ -220,7 +220,7 @@ class TeacherPage:
                 "title": asked.title,
                 "text": asked.text,
                 "goal": asked.exercise.task,
-                "limit": asked.exercise.caution,
+                "limit": asked.exercise.full_caution,
                 "going": assignment.goes_on,
                 "started": assignment.started_at is not None,
             }

@@ -304,10 +304,21 @@ class ExerciseTab:
             "<div data-testid='task' style='margin:0 12px 10px;padding:8px 10px;border-radius:6px;"
             "background:rgba(255,255,255,.06);font-size:13px;line-height:1.45'>"
             f"{title}<b>Goal</b> {html.escape(exercise.task)}<br>{how}"
-            f"<b>Limit</b> {html.escape(exercise.caution)}<br>"
+            f"<b>Limit</b> {html.escape(exercise.caution)}{_folded(exercise.failing)}<br>"
             f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first touch.<br>"
             f"<b>With</b> {self._state.counted}</div>"
         )
+
+
+def _folded(failing: list[str]) -> str:
+    """Return the errors that fail an exercise, to unfold."""
+    if not failing:
+        return ""
+    fail = "errors fail" if len(failing) > 1 else "error fails"
+    return (
+        f"<details><summary style='cursor:pointer'>{len(failing)} {fail} it</summary>"
+        f"{html.escape('; '.join(failing))}.</details>"
+    )
 
 
 def _leaning(along: float, across: float, up: float) -> str:
