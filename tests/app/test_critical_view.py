@@ -36,7 +36,9 @@ from app.simulation.exercises.goals import CriticalView
 from app.simulation.scripts.scripted_hands import Clip
 from app.simulation.tissue.clip_steps import (
     HELD_MM,
+    ClipSite,
     ClosingSteps,
+    JawsOnTube,
     place_to_close,
     places_to_close,
 )
@@ -60,6 +62,7 @@ from app.simulation.tissue.passes import (
     likelihood,
     tip_of,
 )
+from app.simulation.tissue.spatial_tissue import CLIP_OPENING, RADIUS
 from assets import SCRIPTS
 
 
@@ -137,6 +140,10 @@ def test_once_the_view_is_reached_structures_are_marked_as_what_they_are() -> No
 ANATOMIES = [*map(anatomy_named, shipped_anatomies()), *map(drawn_anatomy, range(1, 6))]
 
 
+MEANWHILE = {"wait", "lead off"}
+"""What is done between what is asked for."""
+
+
 def obey(session: Session, step: NextStep) -> str:
     """Put hands where a step asks for them, and part what jaws open at; what was done."""
     tissue = session.spatial
@@ -181,6 +188,9 @@ def obey(session: Session, step: NextStep) -> str:
     if "under the" in step.words:
         jaws.put(place)
         return "lead under"
+    if "off the" in step.words:  # where a tube, which gives way to nothing here, is between them
+        jaws.put(place)
+        return "lead off"
     if "close" in step.words:
         jaws.opening = 0.0
         return "close"
@@ -224,13 +234,16 @@ def test_who_does_what_is_asked_for_next_reaches_the_view(anatomy: Anatomy, name
     passed = ["part", "pass", "open", "close", "back", "withdraw"]
     drawn = ["hold", "draw", "draw", "draw", "part"]
     begins = drawn if name == "first_view" else passed
-    assert [each for each in done if each != "wait"][: len(begins)] == begins
-    # Jaws that have opened are closed and withdrawn before anything else is asked for.
+    assert [each for each in done if each not in MEANWHILE][: len(begins)] == begins
+    # Jaws that have opened are closed and withdrawn before anything else is asked for; some are out
+    # of the tissue once they have been led off a tube.
     words = " ".join(each for each in done if each != "wait")
+    out = len(re.findall(r"lead off close (?!back)", words))
     words = words.removesuffix(" open").removesuffix(" pass")
     assert words.count("open") == words.count("close")
-    assert "close" not in re.sub(r"open (lead under )?close( back)? withdraw", "", words)
-    assert words.count("pass") == words.count("back")
+    left = re.sub(r"open (lead under )?(lead off )*close( back)? withdraw", "", words)
+    assert left.count("close") == out
+    assert words.count("pass") == words.count("back") + out
     assert {"hold", "draw", "let go"} <= set(done)
 
 
@@ -254,7 +267,7 @@ def test_jaws_that_part_once_more_are_closed_once_more() -> None:
             assert step is not None
             assert "back along its tip" in step.words
             session.spatial.hands[1].opening = 10.0
-    assert [each for each in done if each != "wait"] == [
+    assert [each for each in done if each not in MEANWHILE] == [
         "part",
         "pass",
         "open",
@@ -303,7 +316,7 @@ def test_what_is_left_at_the_neck_is_slackened_and_parted_by_a_dissector() -> No
         tissue.beam.state.damage[:] = whole
         if len(places) > len(AT_NECK) + PASSES_AFTER:
             break
-    done = [each for each in asked if each != "wait"]
+    done = [each for each in asked if each not in MEANWHILE]
     assert done[:4] == ["hold", "draw", "draw", "draw"]
     assert np.linalg.norm(places[0] - places[1]) > 0.5
     # Jaws are opened there and led through closed, in turn, then a right angle is tried.
@@ -389,8 +402,41 @@ def test_clips_come_where_least_holds_a_tube() -> None:
     tissue.beam.detach(~near)
     freest = ClosingSteps(safety)._freest("artery", 2, 1)
     assert 8.0 - HELD_MM <= min(places_to_close(2, 1, span, freest)) <= 8.0 + HELD_MM + 1.0
+    # Nothing holds it any more: all are as near as the neck leaves both jaws room.
     tissue.beam.detach(near)
-    assert ClosingSteps(safety)._freest("artery", 2, 1) == 0
+    assert ClosingSteps(safety)._freest("artery", 2, 1) == 1
+
+    def room(further: float) -> float:
+        places = span - np.array(places_to_close(2, 1, span, further))
+        sites = [ClipSite.at(tissue, "artery", each, CLIP_OPENING) for each in places.tolist()]
+        return min(each.room_in(tissue, "artery", CLIP_OPENING) for each in sites)
+
+    assert room(0.0) < RADIUS["clip applier"] < room(1.0)
+
+
+def test_jaws_about_a_tube_that_are_far_from_their_place_come_anew() -> None:
+    """Led there they would take it along."""
+    tissue = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW).spatial
+    tissue.choose_instrument(1, "clip applier")
+    jaws, hand = JawsOnTube(tissue), tissue.hands[1]
+
+    def asked(station: float) -> NextStep:
+        at = ClipSite.at(tissue, "artery", station, CLIP_OPENING)
+        hand.put(at.tip)
+        hand.opening = CLIP_OPENING
+        hand.aim, hand.spread = tuple(at.shaft.tolist()), tuple(at.across.tolist())
+        return jaws.next_step(
+            "clip applier", "artery", [10.0], lambda tubes: abs(tubes.get("artery", 0.0) - 10.0) < 1
+        )
+
+    assert asked(10.0).words.startswith("Next: clip it")
+    assert asked(12.5).words.startswith("Next: lead the clip applier into the ring")
+    step = asked(16.0)
+    assert step.words.startswith("Next: draw the right hand's clip applier out of the tissue")
+    assert step.place is not None
+    hand.put(np.array(step.place))
+    ring = jaws.next_step("clip applier", "artery", [10.0], lambda tubes: "artery" in tubes)
+    assert ring.words.startswith("Next: lead the clip applier into the ring")
 
 
 @pytest.mark.parametrize(

@@ -748,6 +748,32 @@ def test_jaws_that_cannot_leave_a_wall_along_their_tip_leave_it_otherwise(lead: 
     assert (np.array(jaws.withdrawn().place) == rings[0]).all()
 
 
+def test_jaws_are_led_off_a_tube_that_runs_through_between_them_before_they_close(
+    lead: ScopeLead,
+) -> None:
+    tissue = lead.session.spatial
+    jaws, _ = asked_jaws(lead, "right angle", 5)
+    near, middle, far = tissue.beam.places_at(np.array([9.5, 10.0, 10.5]), "cystic")
+    along = (far - near) / np.linalg.norm(far - near)
+    aim = np.cross(along, UP)
+    aim /= np.linalg.norm(aim)
+    hand = tissue.hands[1]
+    hand.aim, hand.spread = tuple(aim.tolist()), tuple(np.cross(along, aim).tolist())
+    hand.put(middle - 7.0 * aim)
+    hand.opening, jaws._opening, jaws._state = 12.0, 12.0, "opening"
+    jaws.follow()
+    step = jaws.next_step()
+    assert step.words.startswith("Next: lead the right hand's open right angle off the cystic duct")
+    hand.put(np.array(step.place))
+    off = tissue.beam.places_at(np.arange(0.0, 30.0, 0.1), "cystic") - hand.place
+    off -= np.clip(off @ aim, 0.0, 14.0)[:, None] * aim
+    off -= np.clip(off @ hand.spread, -6.0, 6.0)[:, None] * np.array(hand.spread)
+    radius = tissue.tubes.network.tubes["cystic"].radius.min()
+    assert np.linalg.norm(off, axis=1).min() > radius
+    jaws.follow()
+    assert jaws.next_step().words.startswith("Next: close the right hand's right angle (G)")
+
+
 def test_a_wall_that_no_hand_strains_is_not_slackened(lead: ScopeLead) -> None:
     """Held again and let go again, it would stay as it is, and nothing else be asked for."""
     session, tissue = lead.session, lead.session.spatial
@@ -848,6 +874,22 @@ def test_what_slackens_a_wall_goes_on_where_it_was_stopped_before(lead: ScopeLea
     lead.lead_hand(start + back)
     pass_time(lead, lead.session, 1.0)
     assert hand.tip == pytest.approx(start + back, abs=0.05)
+
+
+@pytest.mark.parametrize(("degrees", "goes_on"), [(30.0, False), (75.0, True)])
+def test_a_move_is_stopped_again_only_where_it_goes_the_same_way(
+    lead: ScopeLead, degrees: float, goes_on: bool
+) -> None:
+    """As where a tip that was stopped on its way in is drawn out along its shaft."""
+    taut(lead)
+    lead.choose(1)
+    lead.advance(1)
+    turn = math.radians(degrees)
+    lead._stopped[1] = Stop(np.array([3.0, 0.0, 0.0]), lead.session.spatial.stress_ratio)
+    way = 3.0 * np.array([math.cos(turn), math.sin(turn), 0.0])
+    lead.lead_hand(lead.session.spatial.hands[1].tip + way)
+    lead.advance(1)
+    assert (lead._goals[1] is not None) is goes_on
 
 
 def test_a_stopped_move_goes_on_if_to_give_way_strains_the_wall_more(lead: ScopeLead) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from app.anatomy import tube_title
 from app.simulation.exercises.next_step import (
     ALONG_BAR,
+    BACK,
     BESIDE_JAWS,
     CLIP,
     CLOSE_NOW,
@@ -25,10 +26,15 @@ from app.simulation.exercises.next_step import (
 )
 from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
-from app.simulation.tissue.jaw_steps import RIGHT, TURNED, three, turn_off
+from app.simulation.tissue.jaw_steps import OUT_MM, RIGHT, TURNED, three, turn_off
 from app.simulation.tissue.reached_tube import nearest_wall
 from app.simulation.tissue.safety import Safety
-from app.simulation.tissue.spatial_tissue import CLIP_OPENING, LEAST_FLOW, SpatialTissue
+from app.simulation.tissue.spatial_tissue import (
+    CLIP_OPENING,
+    LEAST_FLOW,
+    RADIUS,
+    SpatialTissue,
+)
 
 Floats = NDArray[np.float64]
 PAST_MM = 1.5
@@ -44,6 +50,10 @@ NECK_MM = 2.0
 MOST_FURTHER_MM, HELD_MM = 6, 2.0
 """mm by which all places may be further still, where less holds the tube; and from a place, within
 which strands leave jaws no room."""
+SLIDES_MM = 4.0
+"""mm along a tube, up to which jaws about it are led to their place; farther, they come anew."""
+PER_MM = 10.0
+"""Strands for which a mm counts by which a jaw would have to push another tube aside."""
 NEAR_MM, APART_MM = 1.5, 0.7
 """mm from its place, up to which jaws are well placed, and from a clip, from which on they are."""
 
@@ -114,21 +124,20 @@ class ClipSite(NamedTuple):
     ) -> "ClipSite":
         """Return the clearest site at one of some stations, mm, where what is between is good."""
         sites = [cls.at(tissue, tube, each, jaws) for each in stations]
-
-        def clear(site: ClipSite) -> float:
-            """Return how far jaws are from the nearest other tube, mm."""
-            return min(
-                nearest_wall(
-                    tissue.beam, site.tip + aside * site.across + back * site.shaft, other
-                )[0]
-                for aside in (-0.5 * jaws, 0.5 * jaws)
-                for back in (0.0, 4.0, 8.0)
-                for other in tissue.tubes.names
-                if other != tube
-            )
-
         # A tube that turns back may pass between the jaws elsewhere.
-        return max(sites, key=lambda each: (is_good(each.between), clear(each)))
+        return max(
+            sites, key=lambda each: (is_good(each.between), each.room_in(tissue, tube, jaws))
+        )
+
+    def room_in(self, tissue: SpatialTissue, tube: str, jaws: float) -> float:
+        """Return how far jaws that are so far open are from the nearest other tube, mm."""
+        return min(
+            nearest_wall(tissue.beam, self.tip + aside * self.across + back * self.shaft, other)[0]
+            for aside in (-0.5 * jaws, 0.5 * jaws)
+            for back in (0.0, 4.0, 8.0)
+            for other in tissue.tubes.names
+            if other != tube
+        )
 
 
 class JawsOnTube:
@@ -178,9 +187,16 @@ class JawsOnTube:
             between = {tissue.tubes.names[number]: at for number, at in found}
         title, others = tube_title(tube), [each for each in between if each != tube]
         leads = not is_good(between)
+        off = site.tip - hand.place
+        if leads and between and float(off @ off) > SLIDES_MM**2:
+            # Jaws about a tube would take that along.
+            out = hand.place + (OUT_MM + float(off @ site.shaft)) * site.shaft
+            words = BACK.format(tool)
+            nothing = np.zeros(0, dtype=np.int64)
+            return NextStep(words, nothing, place=three(out), hand=RIGHT, tool=tool)
         if leads:
-            off = turn_off(RIGHT, hand, site.across)
-            bar = ALONG_BAR * (off is not None and abs(off) > TURNED)
+            turn = turn_off(RIGHT, hand, site.across)
+            bar = ALONG_BAR * (turn is not None and abs(turn) > TURNED)
             words = f"Next: {purpose}{INTO_RING.format(tool, title, bar)}"
         elif others:
             words = BESIDE_JAWS.format(tool, tube_title(others[0]))
@@ -256,7 +272,7 @@ class ClosingSteps:
         return self._jaws.next_step("clip applier", tube, stations, is_good, purpose)
 
     def _freest(self, tube: str, stay: int, go: int) -> int:
-        """Return by how much further from the gallbladder least holds a tube at its places, mm."""
+        """Return by how much further a tube's places are freest of strands and other tubes, mm."""
         tissue = self._safety.tissue
         strands, number = tissue.tubes.strands, tissue.tubes.names.index(tube)
         span, whole = tissue.tubes.network.tubes[tube].span, tissue.beam.damage < 1.0
@@ -269,12 +285,18 @@ class ClosingSteps:
         if self._safety.entering[tube]:
             held = span - held
 
-        def holds(further: int) -> int:
+        def hindered(further: int) -> float:
+            """Return by how many strands, and as if by some where a tube is in the way."""
             places = np.array(places_to_close(stay, go, span, further))
-            return int((np.abs(held - places[:, None]) < HELD_MM).sum())
+            holds = float((np.abs(held - places[:, None]) < HELD_MM).sum())
+            for each in (span - places if self._safety.entering[tube] else places).tolist():
+                site = ClipSite.at(tissue, tube, each, CLIP_OPENING)
+                room = site.room_in(tissue, tube, CLIP_OPENING)
+                holds += PER_MM * max(0.0, RADIUS["clip applier"] - room)
+            return holds
 
         room = span - max(places_to_close(stay, go, span)) - SPACE_MM
-        return min(range(1 + max(0, min(MOST_FURTHER_MM, int(room)))), key=holds)
+        return min(range(1 + max(0, min(MOST_FURTHER_MM, int(room)))), key=hindered)
 
 
 def places_to_close(stay: int, go: int, span: float, further: float = 0.0) -> list[float]:

@@ -33,6 +33,7 @@ from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.passes import JAW_MM
+from app.simulation.tissue.reached_tube import wall_gap
 from app.simulation.tissue.spatial_tissue import SpatialTissue
 
 Floats = NDArray[np.float64]
@@ -58,12 +59,17 @@ LEAST_ACROSS = 0.2
 DEEPER_MM, CLEAR_MM = 3.0, 1.5
 """By which a bent tip that is drawn out and lifts a wall goes deeper again, and then along itself
 beyond that."""
-LEAVES_MM, LEAVES_BACK_MM, LEAVES_FOR = 4.0, 6.0, 6
-"""By which bent jaws go to the front, deeper or on along the tip, to leave a wall, and back along
-the tip at most, as they take along what holds on to them; and the judgements for which they are
-asked to while a wall stays strained."""
+LEAVES_MM, LEAVES_FOR = (3.0, 5.0, 8.0, 12.0), 4
+"""By which bent jaws may go to leave a wall, to the front, deeper, or back or on along the tip; and
+the judgements for which they are asked to while a wall stays strained."""
+NEEDS_MM, COSTS = 1.0, 0.1
+"""How far open jaws are to be off a wall before they close, and what each mm of the way there
+counts for against that."""
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
+
+MOST_LED_OFF = 3
+"""How often open jaws are led off what runs through between them before they are to close."""
 
 State = Literal[
     "to come", "beside", "sweeping", "opening", "open", "to close", "closing", "pinched",
@@ -80,10 +86,9 @@ class JawSteps:
         self._state: State = "to come"
         self._opening = 0.0  # mm, at the last judgement
         self._broken = tissue.beam.broken
-        self._wall, self._pinched_at = "", np.zeros(3)  # between its jaws; (3,) mm, where
-        self._pinched_far = 0.0  # mm, by which the tip goes back to be off it
-        self._pinched_side = 1.0  # 1 where jaws in front of it are off it, -1 where deeper ones are
-        self._leaves = 0  # how often they have been led off it
+        self._wall, self._left = "", np.zeros(3)  # between its jaws; (3,) mm, where they are off it
+        self._led_off: list[int] = []  # numbers of the directions in which they were led off it
+        self._leaves = 0  # how often they were led off a wall before they closed on it
         self._in_vain = 0  # judgements meanwhile at which a wall was strained
         self._stuck = 0  # judgements in a row at which bent jaws strained a wall on their way back
         self._clear: Floats | None = None  # (3,) mm, where a bent tip is clear of what it lifted
@@ -146,6 +151,7 @@ class JawSteps:
             return
         if self._tissue.stress_ratio < TAUT:
             self._stuck = 0
+        before = self._state
         opens = hand.opening > self._opening + MOVES_MM
         closes, self._opening = hand.opening < self._opening - MOVES_MM, hand.opening
         if not self.begun:
@@ -170,15 +176,15 @@ class JawSteps:
             self._state = "opening" if opens else "to close"
         elif self._state == "pinched" and opens:
             self._state = "to leave"
-            self._leave_from(self._wall)
+            self._leave()
         elif self._state == "to leave":
             if self._tissue.stress_ratio > TAUT:
                 # A ring that moved at once could not be followed.
                 self._in_vain += 1
-                self._leaves += self._in_vain % LEAVES_FOR == 0
+                if self._in_vain % LEAVES_FOR == 0:
+                    self._leave()
             elif not opens and math.dist(hand.place, self._left) < IN_RING_MM:
                 self._state = "to close"
-                self._leaves += 1  # if it lies between them again
         elif closes:
             self._state = "closing"
         elif self._state == "closing" and self._tissue.stress_ratio > TAUT:
@@ -192,6 +198,12 @@ class JawSteps:
             led |= self._tissue.stress_ratio > TAUT
             opens &= self._tissue.stress_ratio < STOPS_AT
             self._state = "opening" if opens else "to close" if led else "open"
+        begins = self._state == "to close" and before != "to close"
+        looks = begins and site.beside is not None and self._leaves < MOST_LED_OFF
+        if looks and (between := self._between()) is not None:
+            self._leaves += 1
+            self._state, self._wall = "to leave", between
+            self._leave()
 
     def next_step(self) -> NextStep:
         """Return what is to be done next."""
@@ -245,54 +257,60 @@ class JawSteps:
         if self._state == "to withdraw":
             self._state, self._clear = "closed", self._clear_of(wall)
         if self._stuck % LEAVES_FOR == LEAVES_FOR - 1:
-            self._leave_from(wall)
-            self._leaves += 1
+            self._leave()
         self._stuck += 1
         words = WITHDRAW_ALONG.format(self._tool, tube_title(wall))
         return self._into_ring(words, self._back if self._stuck < LEAVES_FOR else self._left)
 
-    def _leave_from(self, wall: str) -> None:
-        """Note where jaws are from which they are led off a wall."""
-        self._pinched_at = self._tissue.hands[RIGHT].place.copy()
-        self._pinched_side = self._side_of(wall)
-        self._pinched_far = min(self._far_off(wall), LEAVES_BACK_MM)
-
-    @property
-    def _left(self) -> Floats:
-        """(3,) mm where jaws are off the wall that was between them."""
-        # Back along the tip past it, to the side where it is not, on along the tip or to the other
-        # side, in turn: none is off every wall.
-        off = LEAVES_MM * self._pinched_side * TROCARS[RIGHT].shaft(self._pinched_at)
-        aim = np.array(self._tissue.hands[RIGHT].aim)
-        moves = self._pinched_far * aim, off, -LEAVES_MM * aim, -off
-        return self._pinched_at + moves[self._leaves % len(moves)]
-
-    def _side_of(self, wall: str) -> float:
-        """Return whether jaws are off a wall that is between them in front of it, 1, or deeper."""
+    def _leave(self) -> None:
+        """Choose where jaws are off all walls, in a direction in which they were not led yet."""
         hand = self._tissue.hands[RIGHT]
-        nearest, _ = self._nearest(wall)
-        return -1.0 if float(nearest @ TROCARS[RIGHT].shaft(hand.place)) > 0.0 else 1.0
+        shaft, aim = TROCARS[RIGHT].shaft(hand.place), np.array(hand.aim)
+        best: list[tuple[float, Floats]] = []
+        for side in (shaft, -shaft, aim, -aim):
+            ways = [far * side for far in LEAVES_MM]
+            worths = [self._room(hand.place + each) - COSTS * math.hypot(*each) for each in ways]
+            worth = max(worths)
+            best.append((worth, ways[worths.index(worth)]))
+        if len(self._led_off) == len(best):
+            self._led_off.clear()
+        number = max(
+            (n for n in range(len(best)) if n not in self._led_off), key=lambda n: best[n][0]
+        )
+        self._led_off.append(number)
+        self._left = hand.place + best[number][1]
+
+    def _between(self) -> str | None:
+        """Return which tube runs through between the jaws, if one does."""
+        hand, beam = self._tissue.hands[RIGHT], self._tissue.beam
+        aim, spread = np.array(hand.aim), np.array(hand.spread)
+        across = np.cross(aim, spread)
+        for name, tube in self._tissue.tubes.network.tubes.items():
+            off = beam.places_at(np.arange(0.0, tube.span, 0.5), name) - hand.place
+            side = off @ across
+            through = np.flatnonzero(side[:-1] * side[1:] <= 0.0)
+            along, aside = off[through] @ aim, np.abs(off[through] @ spread)
+            if ((along > 0.0) & (along < JAW_MM) & (aside < 0.5 * hand.opening)).any():
+                return name
+        return None
+
+    def _room(self, place: Floats) -> float:
+        """Return how far jaws at a place would be off the walls, mm, summed over the tubes."""
+        hand, beam = self._tissue.hands[RIGHT], self._tissue.beam
+        half = 0.5 * hand.opening
+        sides = (np.array(hand.aim), 0.0, JAW_MM), (np.array(hand.spread), -half, half)
+        gaps = (wall_gap(beam, name, place, *sides) for name in self._tissue.tubes.names)
+        return sum(min(each, NEEDS_MM) for each in gaps)
 
     def _clear_of(self, wall: str) -> Floats:
         """(3,) mm where the tip is led to be clear of a wall that lies across it."""
-        hand = self._tissue.hands[RIGHT]
-        shaft = TROCARS[RIGHT].shaft(hand.place)
-        return hand.place - DEEPER_MM * shaft + self._far_off(wall) * np.array(hand.aim)
-
-    def _far_off(self, wall: str) -> float:
-        """How far back along a bent tip its end is clear of a wall, mm."""
-        radius = float(self._tissue.tubes.network.tubes[wall].radius.max())
-        return self._nearest(wall)[1] + radius + CLEAR_MM
-
-    def _nearest(self, wall: str) -> tuple[Floats, float]:
-        """(3,) mm from a bent tip to where a wall's axis is nearest, and how far that is along."""
         hand, beam = self._tissue.hands[RIGHT], self._tissue.beam
-        tube = self._tissue.tubes.network.tubes[wall]
+        tube, aim = self._tissue.tubes.network.tubes[wall], np.array(hand.aim)
         off = beam.places_at(np.arange(0.0, tube.span, 0.5), wall) - hand.place
-        along = np.clip(off @ hand.aim, 0.0, JAW_MM)
-        aside = off - along[:, None] * np.array(hand.aim)
-        nearest = int((aside**2).sum(axis=1).argmin())
-        return aside[nearest], float(along[nearest])
+        along = np.clip(off @ aim, 0.0, JAW_MM)
+        nearest = ((off - along[:, None] * aim) ** 2).sum(axis=1).argmin()
+        back = float(along[nearest] + tube.radius.max()) + CLEAR_MM
+        return hand.place - DEEPER_MM * TROCARS[RIGHT].shaft(hand.place) + back * aim
 
     def _into_ring(self, words: str, place: Floats) -> NextStep:
         """Return that a tip in the tissue is led through it into the ring."""

@@ -29,7 +29,9 @@ from app.simulation.exercises.critical_view import (
 from app.simulation.exercises.next_step import Where
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.passes import Passes
+from app.simulation.tissue.reached_tube import wall_gap
 from app.simulation.tissue.safety import Safety
+from app.simulation.tissue.spatial_tissue import RADIUS
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -81,6 +83,8 @@ PASSES_AFTER = 3
 """Passes of a right angle that are tried then, before those again."""
 SWEEP_BEFORE_MM, SWEEP_PAST_MM = 4.0, 2.0
 """mm before and past what is swept."""
+MOST_PUSHED_MM = 3.0
+"""mm by which a dissector at the neck may push the gallbladder aside: a grasper loses it else."""
 
 
 class Site(NamedTuple):
@@ -122,8 +126,10 @@ class PartingPlaces:
             if part == "tubes" and beside.size > NECK_ONLY * lacking.size:
                 group = max(self._groups(beside), key=len)
                 tried = self._fruitless[self._tubes_of(group)] % (len(AT_NECK) + PASSES_AFTER)
-                if tried < len(AT_NECK):
-                    return self._at_neck(group, AT_NECK[tried])
+                for how in AT_NECK[tried:]:
+                    site = self._at_neck(group, how)
+                    if self._deep_in_gallbladder(self.place_of(site)) < MOST_PUSHED_MM:
+                        return site
             return self._passed(lacking)
         if part == "triangle":
             lacking = self._in_reach(view, lacking)
@@ -248,6 +254,12 @@ class PartingPlaces:
         along = math.cos(angle) * flat - math.sin(angle) * to_neck
         near = group[((middles - middles[at]) ** 2).sum(axis=1) < NEAR_MM**2]
         return Site("between", group, near, int(group[at]), float(near.size), offset, along, None)
+
+    def _deep_in_gallbladder(self, place: Floats) -> float:
+        """Return how far a dissector at a place would push the gallbladder aside, mm."""
+        along = TROCARS[1].shaft(place), 0.0, math.inf
+        beam = self._tissue.beam
+        return RADIUS["dissector"] - wall_gap(beam, self._safety.gallbladder, place, along)
 
     def _passed(self, which: Ints) -> Site:
         """Return where a right angle parts some strands, named by those that are most."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.inputs.trocar import TROCARS
+from app.simulation.tissue.reached_tube import wall_gap
 from app.simulation.tissue.safety import Safety
 from app.simulation.tissue.spatial_tissue import LENGTH, RADIUS
 from physics.bed import BeamOnBed
@@ -217,18 +218,12 @@ class Passes:
 
 def clearance(tip: Tip, beam: BeamOnBed) -> float:
     """Return how far a tip stays off all walls, mm; below zero where it has to push one aside."""
-    nearest = math.inf
     ways = (
         (tip.place + tip.beside, JAW_MM, IN_FRONT_MM),
         (tip.place, JAW_MM + BESIDE_MM, 0.0),
     )
-    for name, tube in beam.network.tubes.items():
-        stations = np.arange(0.0, tube.span, STEP_MM)
-        places = beam.places_at(stations, name)
-        walls = np.interp(stations, tube.stations, tube.radius) + RADIUS_MM
-        for start, back, forward in ways:
-            off = places - start
-            off -= np.clip(off @ tip.along, 0.0, back)[:, None] * tip.along
-            off -= np.clip(off @ tip.shaft, 0.0, forward)[:, None] * tip.shaft
-            nearest = min(nearest, float((np.sqrt((off**2).sum(axis=1)) - walls).min()))
-    return nearest
+    return -RADIUS_MM + min(
+        wall_gap(beam, name, start, (tip.along, 0.0, back), (tip.shaft, 0.0, forward), step=STEP_MM)
+        for name in beam.network.tubes
+        for start, back, forward in ways
+    )

@@ -49,6 +49,40 @@ def nearest_wall(beam: BeamOnBed, tip: Floats, only: str | None = None) -> tuple
     return best, *found
 
 
+def wall_gap(
+    beam: BeamOnBed,
+    name: str,
+    place: Floats,
+    *sides: tuple[Floats, float, float],
+    step: float = 0.5,
+) -> float:
+    """Return how far a tube's wall is from the axis of a rod, or from what jaws sweep, mm.
+
+    Parameters
+    ----------
+    beam, name
+        Of which tube.
+    place
+        (3,) mm, from which that goes.
+    *sides
+        (3,) unit directions across each other, and from and to how many mm it goes along each.
+    step
+        mm between the places of the tube's axis that are looked at.
+
+    Returns
+    -------
+    float
+        Below zero where it is within the wall.
+    """
+    tube = beam.network.tubes[name]
+    stations = np.arange(0.0, tube.span, step)
+    off = beam.places_at(stations, name) - place
+    for direction, low, high in sides:
+        off -= np.clip(off @ direction, low, high)[:, None] * direction
+    gaps = np.sqrt((off**2).sum(axis=1)) - np.interp(stations, tube.stations, tube.radius)
+    return float(gaps.min())
+
+
 def seen_beside(
     beam: BeamOnBed, tip: Floats, axes: Floats, only: str | None = None
 ) -> tuple[float, int, Side]:

@@ -73,7 +73,7 @@ ALIGNS_MM, ALIGNS_RAD_S = 6.0, 2.5
 """Off a ring's path, within which jaws that are led there turn to its bar; and how fast."""
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
-INSISTING = "If you go on all the same, each click or key brings it 3 % nearer to its break."
+INSISTING = "Going on as before brings it 3 % nearer to its break with each click, notch or key."
 STOPPED = (
     "Lead the instrument back where it came from, or close its jaws (G). Slacken what the other "
     f"hand pulls (X leads it), and part elsewhere or less deep. {INSISTING}"
@@ -91,6 +91,8 @@ HELD_BACK = (
     f"A grasper holds {GRIP_N:g} N: pulled harder, tissue slips out of it. Part with the other "
     "hand what holds the tissue back."
 )
+SAME_WAY = math.cos(math.radians(60.0))
+"""Cosine of the angle within which a path goes the way that was stopped before."""
 SEEN_TICKS = 30
 """Ticks after a stop, in which keys do nothing: they were pressed before it was seen."""
 JUDGED_TICKS, USED_TICKS = 15, 4
@@ -544,7 +546,7 @@ class ScopeLead:
             strains_else = over and (holder.node is None or self._other_pushes(hand))
             strains, slackens = pushes > LEAST_PUSH_N, pushes < -LEAST_PUSH_N and not strains_else
             before = self._stopped[hand]
-            again = before is not None and float(path @ before.path) > 0.0
+            again = before is not None and _alike(path, before.path)
             if before is not None and again and stress > before.stress + RISES:
                 # To give way strained it: that way lies what slackens it.
                 before = self._stopped[hand] = before._replace(eases=True)
@@ -853,6 +855,11 @@ def _meeting(ray: Floats, normal: Floats, place: Floats) -> Floats:
 def _quicker(step: float, left: float, times: float) -> float:
     """Return a step so many times as far, if it leads to where so much is left, but not past."""
     return math.copysign(min(abs(left), times * abs(step)), step) if step * left > 0.0 else step
+
+
+def _alike(one: Floats, other: Floats) -> bool:
+    """Return whether two paths go the same way."""
+    return float(one @ other) > SAME_WAY * math.sqrt(float(one @ one) * float(other @ other))
 
 
 def _about(vector: Floats, axis: Floats, angle: float) -> Floats:
