@@ -32,6 +32,8 @@ HIDDEN = (
     "body *:not(:has(canvas), canvas, .bd-scope-frame, .bd-scope-lens)"
     " { visibility: hidden !important }"
 )
+READY = "() => document.documentElement.classList.add('bd-ready')"
+"""Uncovers a page, which for its first 15 s would be covered until something is laid over it."""
 DRAWN = "() => [bluntdissectScope.picture.state.frames, bluntdissectScope.picture.drawn]"
 PATIENCE_MS = 8000.0
 SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
@@ -95,6 +97,7 @@ def filmed(replay: Replay, held: HeldScope, size: tuple[int, int]) -> Generator[
                 " && bluntdissectScope.picture.drawn > 0"
             )
             page.add_style_tag(content=HIDDEN)
+            page.evaluate(READY)
 
             def take() -> Dots:
                 before = page.evaluate(DRAWN)
