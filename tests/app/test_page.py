@@ -320,7 +320,7 @@ def test_exercise_is_done_judged_and_downloaded_and_replayed(
         expect(task).to_contain_text("Lift the duct")
         tab.choose("Exercise", "Approach the break")
         expect(task).to_contain_text("15 % or less")
-        expect(task).to_contain_text("Do not tear the duct;")
+        expect(task).to_contain_text("Do not tear the duct.")
         tab.press("Start")
         expect(tab.page.get_by_test_id("exercise-state")).to_contain_text("first touch")
         tab.open("Train")

@@ -56,8 +56,7 @@ EXERCISES: dict[str, ExerciseKind] = {
     "first_view": ExerciseKind(
         "First view",
         "draw the gallbladder aside, part a first third of the triangle, draw the gallbladder off "
-        "the liver for room, and part the rest; a ring marks where: press on the cross beside "
-        "it, then wheel in",
+        "the liver for room, and part the rest",
         ("wrong_structure", "bleeding"), ALL_INSTRUMENTS, time_limit_s=1200.0,
     ),
     "critical_view": ExerciseKind(

@@ -42,8 +42,9 @@ class Caption:
         moved = np.sqrt((moves**2).sum(axis=1))
         i = max(range(len(hands)), key=lambda each: (abs(opened[each]) > OPENS_MM, moved[each]))
         if abs(opened[i]) > OPENS_MM:
-            closes = "closes" if hands[i].opening < OPENS_MM else "narrows"
-            does = "opens its jaws (O)" if opened[i] > 0.0 else f"{closes} its jaws (C)"
+            at_bed, opens = tissue.specimen.anatomy is None, opened[i] > 0.0
+            does = "opens" if opens else "closes" if hands[i].opening < OPENS_MM else "narrows"
+            does = f"{does} its jaws ({'G' if not at_bed else 'O' if opens else 'C'})"
         elif moved[i] <= MOVES_MM:
             return
         elif tissue.broken > broken and hands[i].instrument not in HOLDING:

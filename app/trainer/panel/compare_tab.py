@@ -24,7 +24,11 @@ _FIRST_TIME = "The first time after an installation takes up to a minute."
 _SPACE = (
     "<b>In space</b> the duct is the exact beam with shear under two hands, each with an "
     "instrument of its own, as in a bed. In the plane of the pull any theory solves it, with a "
-    "force that can be set, a ghost and a chain. A bed needs the beam in space."
+    "force that can be set, a ghost and a chain."
+)
+_IN_BED = (
+    "A duct in its bed is solved by one theory only, the exact beam with shear. <b>A free duct</b> "
+    "(above) can be compared: by six theories, with a ghost and a chain of masses and springs."
 )
 _TELLING = (
     "The <b>ghost</b> is the same duct by another theory under the same load, in blue over yours. "
@@ -65,7 +69,7 @@ class CompareTab:
             visible=state.in_plane,
         )
         self._chain_numbers = gui.add_html("")
-        gui.add_html(note(_SPACE) + (note(_TELLING) + note(_CHAIN)) * state.in_plane)
+        self._words = gui.add_html("")
         on_work(self._theory, self._choose_theory)
         on_work(self._ghost, self._choose_ghost)
         on_work(self._chain, lambda value: session.show_chain(value is True))
@@ -75,6 +79,8 @@ class CompareTab:
         state, session = self._state, self._state.session
         visible, live = state.figures_visible, state.playback is None
         free = session.specimen.bed is None
+        words = note(_SPACE) + (note(_TELLING) + note(_CHAIN)) * state.in_plane
+        set_if_changed(self._words, content=words if free else note(_IN_BED))
         settled = free and reading.phase is Phase.INTACT and not state.in_exercise and live
         set_if_changed(self._theory, visible=settled)
         for handle, value in (

@@ -32,8 +32,8 @@ MOST_ERRORS, MOST_ALIKE = 12, 3
 MOST_POINTS = 300
 WIDTH, HEIGHT, LEFT, ROW = 260.0, 80.0, 30.0, 15.0
 """px of the picture, of its curve, of the room left of it, and of a hand's row of marks."""
-DIGIT = 6.0
-"""px of a digit of an error's number beside its mark."""
+DIGIT, APART = 6.0, 3.0
+"""px of a digit of an error's number beside its mark, and between two of them."""
 LIST_PX = 140
 """Height of the list of errors, which scrolls: all else fits beside it on a small screen."""
 HANDS = ("left hand", "right hand")
@@ -195,8 +195,10 @@ class Debrief:
                 f"{html.escape(named)}.</li>"
             )
         errors = (
-            f"<ol style='list-style:none;margin:6px 0 0;padding:0;max-height:{LIST_PX}px;"
-            f"overflow-y:auto' tabindex='0' aria-label='Errors'>{''.join(rows)}</ol>"
+            f"<small>{_count(len(done.incidents))}</small>"
+            f"<ol style='list-style:none;margin:4px 0 0;padding:0;max-height:{LIST_PX}px;"
+            "overflow-y:auto;scrollbar-width:thin;scrollbar-color:#888 transparent' tabindex='0' "
+            f"aria-label='Errors'>{''.join(rows)}</ol>"
             if rows
             else "<p data-testid='errors'>No errors were found in this run.</p>"
         )
@@ -243,6 +245,13 @@ class Debrief:
         if key not in self._commands:
             self._commands[key] = command(self._gui, name, hint, act, slow=True)
         return page_number(self._commands[key])
+
+
+def _count(errors: int) -> str:
+    """Return how many errors there were, and how they are listed."""
+    if errors == 1:
+        return "1 error"
+    return f"{errors} errors, the most serious first; press one to see it"
 
 
 def _button(uuid: str, text: str, hint: str) -> str:
@@ -394,7 +403,7 @@ def _timeline_html(
         top, tall = HEIGHT + 5.0 + ROW * row, 1 if hand is not None else len(rows)
         colour = "currentColor" if hand is None else HAND_COLOURS[hand]
         # Beside its mark, or before it; the more important ones come first.
-        wide = DIGIT * len(str(number))
+        wide = DIGIT * len(str(number)) + APART
         places = [(stop + 2.0, stop + 2.0 + wide), (start - 2.0 - wide, start - 2.0)]
         free = (
             (low, high) for low, high in places

@@ -44,10 +44,15 @@ HOW: dict[Instrument, str] = {
     "grasper": "press the duct with the grasper, drag up to lift; it stays until you press G",
     "dissector": "drag the dissector to the ring; the right button leads it into the picture, "
     "behind the duct; hold O to open its jaws, C to close them",
-    "clip applier": "press on the cross, then roll the wheel away from you until the tip is in the "
-    "ring; G or the right button clips; B wipes the lens",
+    "clip applier": "G or the right button clips; B wipes the lens",
 }
 """How an instrument is used at a bed, and a clip applier at an anatomy."""
+MARKS = (
+    "<b>Marks</b> The tip goes into the ring. Press on the cross, or on the ring where there is "
+    "none, then roll the wheel until <i>To the ring</i> is 'in it'. J and L turn jaws along the "
+    "bar. Bright dots are strands to part.<br>"
+)
+"""What the marks of an exercise at an anatomy mean."""
 LEANS_DEG, LEANS_N = 8.0, 0.2
 """A pull that is off straight up by more is told so, if it is stronger."""
 NONE, AWAITED = "None for this duct", "Working out its limits"
@@ -125,11 +130,14 @@ class ExerciseTab:
             if key != self._key:
                 return
             self._offered = offered
-            chosen = self._choice.value
+            # In a panel that is made anew, the exercise that was done last.
+            done = session.run.exercise
+            before = "" if done is None else done.title
             titles = tuple(offered) or (NONE,)
             if self._choice.options != titles:
+                known = [each for each in (self._choice.value, before) if each in offered]
                 self._choice.options = titles
-                self._choice.value = chosen if chosen in offered else titles[0]
+                self._choice.value = (known or titles)[0]
             self._start.disabled = not offered
             self._describe()
             self._state.show()  # what depends on the choice is shown by the next tick
@@ -299,11 +307,13 @@ class ExerciseTab:
         )
         if exercise.in_hand and len(tools) > 1 and how:
             how += "; X leads the other hand"
+        at_anatomy = self._state.session.specimen.anatomy is not None
+        marks = MARKS if at_anatomy and not exercise.looks_only else ""
         how = f"<b>How</b> {how[0].upper()}{how[1:]}.<br>" if how else ""
         self._task.content = (
             "<div data-testid='task' style='margin:0 12px 10px;padding:8px 10px;border-radius:6px;"
             "background:rgba(255,255,255,.06);font-size:13px;line-height:1.45'>"
-            f"{title}<b>Goal</b> {html.escape(exercise.task)}<br>{how}"
+            f"{title}<b>Goal</b> {html.escape(exercise.task)}<br>{how}{marks}"
             f"<b>Limit</b> {html.escape(exercise.caution)}{_folded(exercise.failing)}<br>"
             f"<b>Time</b> {exercise.time_limit_s:.0f} s from the first touch.<br>"
             f"<b>With</b> {self._state.counted}</div>"

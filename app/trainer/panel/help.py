@@ -67,7 +67,7 @@ _ANATOMY_LINES = (
     "it gently; jaws part loose tissue. <b>X</b> leads the other hand, <b>N</b> changes what it "
     "has.",
     "Clear the triangle until <b>two tubes alone</b> run into the gallbladder. Tear nothing. "
-    "<b>Reset</b> makes all whole.",
+    "<b>Learn</b>, then <b>Start</b>, leads you there step by step. <b>Reset</b> makes all whole.",
 )
 _BED_GOAL = """\
 **Goal.** Free the duct from its bed without tearing it. A good hand frees most at the least stress:

@@ -113,6 +113,13 @@ def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | Non
         else [series["force_N"]]
     )
     forces: dict[str, Curve] = dict(zip(HAND_COLOURS, hands, strict=False))
+    rate = limits.get("maximum_loading_rate_N_per_s")
+    names = zip(("left hand", "right hand"), HAND_COLOURS, strict=True)
+    marks = [line(*each, 2.0) for each in names] if in_space else []
+    marks += [goal_area()] * (band is not None or margin is not None)
+    drawn = (None if margin is not None else reserve), limits.get("maximum_force_N"), rate
+    marks += [LIMIT] * any(each is not None for each in drawn)
+    gui.add_html(key_html(marks))
     if band is not None:
         _add_plot(gui, time, "deflection (mm)", {"#e8eaed": series["deflection_mm"]}, band=band)
     _add_plot(
@@ -125,18 +132,11 @@ def add_series_plots(gui: viser.GuiApi, series: Series, exercise: Exercise | Non
         top=108.0,
     )
     _add_plot(gui, time, "force (N)", forces, limits.get("maximum_force_N"))
-    rate = limits.get("maximum_loading_rate_N_per_s")
     if rate is not None:
         rates = np.maximum(loading_rates(series), 0.0)
         _add_plot(gui, time, "loading (N/s)", {"#c58af9": rates}, rate)
     if "freed_mm" in series.columns:
         _add_plot(gui, time, "freed (mm)", {"#e8eaed": series["freed_mm"]})
-    names = zip(("left hand", "right hand"), HAND_COLOURS, strict=True)
-    marks = [line(*each, 2.0) for each in names] if in_space else []
-    marks += [goal_area()] * (band is not None or margin is not None)
-    drawn = (None if margin is not None else reserve), limits.get("maximum_force_N"), rate
-    marks += [LIMIT] * any(each is not None for each in drawn)
-    gui.add_html(key_html(marks))
 
 
 def _add_plot(

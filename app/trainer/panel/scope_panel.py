@@ -51,8 +51,8 @@ from app.trainer.panel.scenes import add_scenes
 from app.trainer.viser_bridge.page import announce, bring_in, open_tab, take_arrows
 
 GOAL = (
-    "Clear fat and loose tissue from the triangle between gallbladder, cystic duct and common "
-    "duct, until you see two tubes alone run into the gallbladder. Tear nothing."
+    "Clear the triangle of fat and loose tissue, until two tubes alone run into the gallbladder. "
+    "Tear nothing. Learn leads you there step by step."
 )
 Leads = Literal["left", "right", "scope"]
 LEADS: dict[Leads, tuple[str, str]] = {
@@ -284,6 +284,8 @@ class ScopePanel:
         """Show what to reach, or what an exercise asks for next: at its start bring that in."""
         step = self._lead.next_step
         asked = "" if step is None else step.words
+        if step is not None and step.hand not in (None, self._state.hand):
+            asked = asked.replace("(G)", "(X, then G)")  # G is the led hand's
         run, self._asked = self._state.session.run, asked
         if asked and run is not self._brought_in:
             self._brought_in = run
