@@ -115,13 +115,17 @@ def standing_svg(where: Standing) -> str:
     )
 
 
+def _brief_html(asked: AssignedExercise) -> str:
+    return f"<p>{html.escape(f'{asked.exercise.task} {asked.exercise.full_caution}')}</p>"
+
+
 def _assignment_html(each: Assignment, tries: Sequence[Result]) -> str:
     asked = AssignedExercise.of_json(each.exercise)
     tops = bests(tries).values()
     passed = sum(one.run.passed is True for one in tops)
     return (
         f"<section><h3>{html.escape(asked.title)} <small>set {_when(each.set_at)}</small></h3>"
-        f"<p>{html.escape(asked.exercise.task)} {html.escape(asked.exercise.full_caution)}</p>"
+        f"{_brief_html(asked)}"
         f"<p><b>{passed} of {len(tops)}</b> passed, in {len(tries)} "
         f"{'try' if len(tries) == 1 else 'tries'}.</p>"
         f"{_whys(tries)}{_plot(tries)}{_table(tries, who=True, what=False)}</section>"
@@ -146,12 +150,11 @@ def _person_html(store: ClassStore, name: str, own: Sequence[Result]) -> str:
         tries = [one for one in own if one.run.assignment_id == each.id]
         if tries:
             asked = AssignedExercise.of_json(each.exercise)
-            brief = f"{asked.exercise.task} {asked.exercise.full_caution}"
             top = best(tries)
             words = "No try was finished." if top is None else html.escape(top.run.reason)
             sections.append(
                 f"<section><h3>{html.escape(asked.title)}</h3>"
-                f"<p>{html.escape(brief)}</p>"
+                f"{_brief_html(asked)}"
                 f"<p><b>Best try:</b> {words}</p>{_plot(tries, by_try=True)}"
                 f"{_table(tries, who=False, what=False)}</section>"
             )

@@ -94,11 +94,14 @@ BESIDE_JAWS = "Next: wheel the {} back by a notch: the {} lies between its jaws,
 STAYS_STOPPED = "Next: wait, and touch nothing: it has to stay stopped."
 
 
+NO_STRANDS = np.zeros(0, dtype=np.int64)
+
+
 class NextStep(NamedTuple):
     """What an exercise asks for next."""
 
     words: str
-    strands: NDArray[np.int64]  # that it is about; none once there is nothing to part
+    strands: NDArray[np.int64] = NO_STRANDS  # that it is about; none where nothing is to part
     along: Three | None = None  # direction in which jaws part them
     place: Three | None = None  # mm, where to the hand's tip is led
     hand: int | None = None  # that does it; None for either

@@ -191,9 +191,7 @@ class JawsOnTube:
         if leads and between and float(off @ off) > SLIDES_MM**2:
             # Jaws about a tube would take that along.
             out = hand.place + (OUT_MM + float(off @ site.shaft)) * site.shaft
-            words = BACK.format(tool)
-            nothing = np.zeros(0, dtype=np.int64)
-            return NextStep(words, nothing, place=three(out), hand=RIGHT, tool=tool)
+            return NextStep(BACK.format(tool), place=three(out), hand=RIGHT, tool=tool)
         if leads:
             turn = turn_off(RIGHT, hand, site.across)
             bar = ALONG_BAR * (turn is not None and abs(turn) > TURNED)
@@ -203,8 +201,8 @@ class JawsOnTube:
         else:
             words = CLOSE_NOW[tool].format(title)
         return NextStep(
-            words, np.zeros(0, dtype=np.int64), along=three(site.across), place=three(site.tip),
-            hand=RIGHT, tool=tool, leads=leads,
+            words, along=three(site.across), place=three(site.tip), hand=RIGHT, tool=tool,
+            leads=leads,
         )  # fmt: skip
 
 
@@ -218,7 +216,7 @@ class ClipSteps:
         """Return what to do next; None where nothing has bled."""
         bleeding = Bleeding.of(self._tissue)
         if bleeding is None:
-            stopped = NextStep(STAYS_STOPPED, np.zeros(0, dtype=np.int64))
+            stopped = NextStep(STAYS_STOPPED)
             return stopped if self._tissue.fluids["blood"].holes else None
         return self._jaws.next_step(
             "clip applier", bleeding.tube, bleeding.stations(SITES_MM), bleeding.is_closed_by
@@ -236,8 +234,7 @@ class ClosingSteps:
         """Return what to do next, with so many clips to stay and to go; None once all is done."""
         for each in self._safety.closings():
             if not each.marked:
-                words = MARK.format(tube_title(each.tube))
-                return NextStep(words, np.zeros(0, dtype=np.int64))
+                return NextStep(MARK.format(tube_title(each.tube)))
             if not each.divided:
                 return self._close(each.tube, stay, go)
         return None

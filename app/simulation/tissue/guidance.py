@@ -26,6 +26,7 @@ from app.simulation.exercises.next_step import (
     LET_GO,
     LIFT,
     LIFTED,
+    NO_STRANDS,
     PULLS,
     SLACKEN,
     STAYS_TAUT,
@@ -361,4 +362,4 @@ class Guidance:
     @property
     def _strands(self) -> NDArray[np.int64]:
         """The strands that are asked for, or none yet."""
-        return np.zeros(0, dtype=np.int64) if self._jaws is None else self._jaws.strands
+        return NO_STRANDS if self._jaws is None else self._jaws.strands

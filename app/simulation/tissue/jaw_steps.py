@@ -67,7 +67,6 @@ NEEDS_MM, COSTS = 1.0, 0.1
 counts for against that."""
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
-
 MOST_LED_OFF = 3
 """How often open jaws are led off what runs through between them before they are to close."""
 

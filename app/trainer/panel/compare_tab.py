@@ -69,7 +69,10 @@ class CompareTab:
             visible=state.in_plane,
         )
         self._chain_numbers = gui.add_html("")
-        self._words = gui.add_html("")
+        # What a duct has, a bed or not, comes with a panel of its own.
+        in_plane = note(_TELLING) + note(_CHAIN) if state.in_plane else ""
+        in_bed = session.specimen.bed is not None
+        gui.add_html(note(_IN_BED) if in_bed else note(_SPACE) + in_plane)
         on_work(self._theory, self._choose_theory)
         on_work(self._ghost, self._choose_ghost)
         on_work(self._chain, lambda value: session.show_chain(value is True))
@@ -79,8 +82,6 @@ class CompareTab:
         state, session = self._state, self._state.session
         visible, live = state.figures_visible, state.playback is None
         free = session.specimen.bed is None
-        words = note(_SPACE) + (note(_TELLING) + note(_CHAIN)) * state.in_plane
-        set_if_changed(self._words, content=words if free else note(_IN_BED))
         settled = free and reading.phase is Phase.INTACT and not state.in_exercise and live
         set_if_changed(self._theory, visible=settled)
         for handle, value in (
