@@ -94,7 +94,6 @@ def test_every_command_has_its_help_on_the_site(site: Path) -> None:
 
 def test_every_example_is_shown() -> None:
     others = {
-        "careful_run.py",
         "diagrams.py",
         "gallery.py",
         "clone_window.py",

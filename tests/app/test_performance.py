@@ -12,7 +12,6 @@ from program import refused, run
 from app.anatomy import anatomy_named, tube_title
 from app.simulation import (
     FEW,
-    CarefulRun,
     Performance,
     Replay,
     Safety,
@@ -27,7 +26,7 @@ from app.simulation import (
     read_script,
     run_json,
 )
-from assets import RUNS, SCRIPTS
+from assets import SCRIPTS
 from physics.bed.kernels import RETRACED
 
 TAKE = """
@@ -87,7 +86,7 @@ def done(script: str) -> tuple[Session, Performance]:
     return session, performed(msgspec.toml.decode(script, type=Script), session)
 
 
-@pytest.mark.long  # the next test replays the run that these hands gave
+@pytest.mark.long  # a minute of computing
 def test_careful_hands_pass_the_critical_view_and_close_both_structures() -> None:
     """Five of six with nothing torn; then marked, two clips to stay, one to go, and divided."""
     session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
@@ -119,24 +118,14 @@ def test_careful_hands_pass_the_critical_view_and_close_both_structures() -> Non
         for _ in range(count)
     ]
     assert session.reading().fluids[0].lost_ml < 1e-3
-    recorded = CarefulRun.read(RUNS / "critical_view.json.xz")
-    assert session.run_file() == recorded.run, "record it again: examples/careful_run.py"
-
-
-TUBES = {each.name for each in anatomy_named("normal").tube}
 
 
 @pytest.mark.parametrize(
-    ("name", "points", "pressed"),
-    [
-        ("first_view", 3, {"common", "gallbladder"}),
-        pytest.param("critical_view", 5, TUBES, marks=pytest.mark.long),
-    ],
+    ("name", "points"),
+    [("first_view", 3), pytest.param("critical_view", 5, marks=pytest.mark.long)],
     ids=["first view", "critical view"],
 )
-def test_the_recorded_careful_run_is_replayed_to_its_result(
-    name: str, points: int, pressed: set[str]
-) -> None:
+def test_the_recorded_careful_run_is_replayed_to_its_result(name: str, points: int) -> None:
     """What *Show me* plays at once comes out again: measures, errors, and the view reached."""
     session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
     exercise = next(each for each in exercises_offered(session) if each.name == name)
@@ -151,10 +140,10 @@ def test_the_recorded_careful_run_is_replayed_to_its_result(
     assert recorded.run.log.exercise == exercise
     assert recorded.run.metrics["critical_view_points"] == points
     assert recorded.run.metrics["tear"] is None
-    # Of these tubes, and each press says which.
+    # Each press says on which tube it was.
     presses = [each for each in recorded.incidents if each.error == "instrument_on_wall"]
     names = session.spatial.tubes.names
-    assert {names[each.tube] for each in presses} == pressed
+    assert {names[each.tube] for each in presses} == {"common"}
     for each in presses:
         assert each.values["what"] == f"the {tube_title(names[each.tube])}"
         assert each.station_mm is not None

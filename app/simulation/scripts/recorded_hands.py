@@ -14,8 +14,8 @@ from app.simulation.session.session import Session
 from assets import RUNS
 
 RECORDED = ("critical_view", "first_view")
-"""Exercises whose careful run ships; `examples/careful_run.py` records the first one, and
-`tests/app/test_first_view.py` the other."""
+"""Exercises whose careful run ships, which does what the page asks for next:
+`tests/app/test_first_view.py` records them."""
 
 
 class CarefulRun(msgspec.Struct, frozen=True):

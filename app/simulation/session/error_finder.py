@@ -547,10 +547,13 @@ class ErrorFinder:
                 state.x, state.thick, state.rods, 2 * i, last, self._nodes, self._firsts
             )
             tube, node = pressed
-            stress = press * duct.tubes.press_stresses[tube][node]
+            ratio = press * duct.tubes.press_stresses[tube][node] / duct.strengths[tube]
+            on_wall = limits["instrument_on_wall"]
+            hard = ratio > on_wall["part"]
+            if self._several:
+                hard = hard and duct.stress_ratios[tube] > on_wall["near"]
             # To press on what bleeds is right.
-            bleeds = self._rates.get(duct.tubes.names[tube], 0.0) > LEAST_FLOW
-            if not bleeds and stress > limits["instrument_on_wall"]["part"] * duct.strengths[tube]:
+            if hard and self._rates.get(duct.tubes.names[tube], 0.0) <= LEAST_FLOW:
                 station = float(beam.stations_of(duct.tubes.names[tube])[node])
                 incidents.note(
                     "instrument_on_wall", i, station, press,

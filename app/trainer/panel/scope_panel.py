@@ -89,7 +89,13 @@ that along."""
 MARKS = "Mark what is next"
 MARKED = "In exercises: a sentence, a ring where to, and a dot on each strand"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
+ASSISTED = "The assistant holds the scope."
+ASSISTED_STILL = "The assistant holds it until you move it."
 YOU_HOLD = "You hold the scope. V gives it back."
+HOW_SCOPE = (
+    "Drag in the picture to look aside; the wheel takes it in and out; J and L turn its cable. "
+    "Y leads the hand again."
+)
 HOW_PX = 84
 """Height of four lines, pixels."""
 SPREAD = "Lead the closed tip into the loose tissue, then part the jaws with the right button or G."
@@ -245,14 +251,15 @@ class ScopePanel:
             set_if_changed(choice, value=hand.instrument)
         holder = state.shown.tissue.hands[state.hand]
         # Rooms of lines are kept, so that nothing below moves while one works.
-        how = note(HOW[holder.instrument], "how")
+        how = note(HOW_SCOPE if lead.leads_scope else HOW[holder.instrument], "how")
         set_if_changed(self._how, content=f"<div style='min-height:{HOW_PX}px'>{how}</div>")
         use = "The scope is led" if lead.leads_scope else f"{lead.use} (G)"
         set_if_changed(self._use, label=use, disabled=lead.leads_scope)
         set_if_changed(self._wipe, disabled=state.shown.spatial.soil == 0.0)
         self._scope.show("oblique" if lead.held.oblique else "straight")
-        words = "The assistant holds the scope." if lead.held.assisted else YOU_HOLD
-        set_if_changed(self._held, content=note(words, "scope"))
+        assisted = ASSISTED_STILL if lead.leads_scope else ASSISTED
+        held = assisted if lead.held.assisted else YOU_HOLD
+        set_if_changed(self._held, content=note(held, "scope"))
         self._show_goal()
         set_if_changed(self._readout, content=self._figures(reading))
         set_if_changed(self._plain, value=state.plain)

@@ -18,6 +18,15 @@ const cover = document.createElement("div");
 cover.id = "bd-cover";
 cover.setAttribute("role", "status");
 const COVER_MS = 15000;  // for which at most a panel is waited for that has been sent
+// How long it has waited, for the eye: a screen reader would read out each second.
+const waited = document.createElement("p");
+waited.setAttribute("aria-hidden", "true");
+let counting = 0;
+const countFrom = start => {
+  if (!waited.isConnected) return;
+  waited.textContent = `${Math.round((performance.now() - start) / 1000)} s`;
+  counting = setTimeout(countFrom, 1000, start);
+};
 let covered = 0;
 const layCover = () => {
   covered++;
@@ -31,6 +40,11 @@ page.cover = (waits, ...lines) => {
     return row;
   }));
   layCover();
+  clearTimeout(counting);
+  if (waits) {
+    cover.append(waited);
+    countFrom(performance.now());
+  }
   document.documentElement.classList.add("bd-ready");
 };
 page.uncover = () => {

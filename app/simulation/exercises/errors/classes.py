@@ -391,7 +391,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "instrument_on_wall", "Pressed on the wall itself", 7,
             "for 0.13 s a jaw or swab presses on a tube that does not bleed with more than `least` "
-            "and `part` of what breaks it",
+            "and `part` of what breaks it; at an anatomy, while that tube's wall is at more than "
+            "`near` of its break",
             "at {t:.1f} s the {tool} pressed on {what} with {f:.1f} N",
             "Press on no wall: lead the instrument aside, to where only strands are.",
             (
@@ -402,6 +403,12 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
                     "bed *normal*, which a push there lifts to 0.09 of its break",
                 ),
                 Parameter("least", "N", 0.1, "a choice: less is a touch"),
+                Parameter(
+                    "near", "",
+                    0.5,
+                    "half of the break. Among several tubes jaws rest on walls on both sides, "
+                    "which the formula leaves out",
+                ),
             ),
         ),
         ErrorClass(
