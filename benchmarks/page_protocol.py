@@ -12,6 +12,8 @@ import zstandard
 
 # What a page's own slider is called, of a pull and of a dissection.
 SLIDERS = ("Force", "Jaws")
+DRAWN = ("/organ/skin", "/scope/state")
+"""The nodes that tissue is drawn by."""
 CAMERA: dict[str, Any] = {
     "type": "ViewerCameraMessage",
     "wxyz": (1.0, 0.0, 0.0, 0.0),
@@ -58,22 +60,26 @@ class Page:
 
     def __init__(self, connection: websockets.asyncio.client.ClientConnection) -> None:
         self._connection = connection
-        self._slider = self._reset = ""
+        self._slider = self._pointer = self._reset = ""
+        self._words = 0  # that the pointer has told
         self._owner: str | None = None  # of the mesh by which the duct is dragged
         self._held = False
         self._unpack = zstandard.ZstdDecompressor()
 
     async def open(self, mode: str | None = None, name: str | None = None) -> None:
-        """Say that a page is there, and wait for its first slider and its reset button.
+        """Say that a page is there, and wait for what it is led by and its reset button.
 
         Its address asks for a `mode`, if one is given; in a class it joins with a `name`.
         """
         await self._send(CAMERA)
         field = join = ""
-        while not (self._slider and self._reset and (name is None or (field and join))):
+        while not (
+            (self._slider or self._pointer) and self._reset and (name is None or (field and join))
+        ):
             for message in await self.messages():
                 kind = message["type"]
                 label = message.get("props", {}).get("label")
+                self._pointer = message["uuid"] if label == "Pointer" else self._pointer
                 field = message["uuid"] if label == "Your name" else field
                 join = message["uuid"] if label == "Join the class" else join
                 if kind == "GuiSliderMessage" and message["props"]["label"].startswith(SLIDERS):
@@ -97,6 +103,11 @@ class Page:
     async def pull_with(self, force: float) -> None:
         """Move the force slider."""
         await self._update(self._slider, force)
+
+    async def point(self, words: str) -> None:
+        """Tell what the pointer does in the scope's picture."""
+        self._words += 1
+        await self._update(self._pointer, f"{self._words} {words}")
 
     async def drag(self, displacement: tuple[float, float, float]) -> None:
         """Lead the hand that holds the duct's middle to a place, mm from where it took hold."""
@@ -132,9 +143,9 @@ class Page:
         return msgspec.msgpack.decode(content)["messages"]
 
     async def frames(self) -> int:
-        """Return how often the duct's vertices are in the next websocket frame."""
+        """Return how often the tissue's picture is in the next websocket frame."""
         return sum(
-            message["type"] == "SceneNodeUpdateMessage" and message["name"] == "/organ/skin"
+            message["type"] == "SceneNodeUpdateMessage" and message["name"] in DRAWN
             for message in await self.messages()
         )
 

@@ -1,11 +1,12 @@
 """Steps per second of the trainer with many clients, their frames, and processor time.
 
-`python -m benchmarks.trainer_clients dissect 32 60` has 32 pages dissect for 60 s; `pull`, `mixed`
-(every other page pulls) and `class` (mixed, trainees of a class who have joined it, whom the
-teacher's page watches) are the others.
+`python -m benchmarks.trainer_clients dissect 32 60` has 32 pages dissect for 60 s; `pull`, `calot`,
+`mixed` (every other page pulls) and `class` (mixed, trainees of a class who have joined it, whom
+the teacher's page watches) are the others.
 
-Clients are pages without a picture (`page_protocol`): they move the force slider, or lift the duct
-off its bed, as a trainee would and count the frames of the duct that come back. One more client
+Clients are pages without a picture (`page_protocol`): they move the force slider, lift the duct
+off its bed, or open a dissector's jaws in Calot's triangle again and again, as a trainee would, and
+count the pictures that come back. One more client
 waits for the duct's answer to each of its moves. The trainer runs as a process of its own, which
 counts its ticks.
 """
@@ -26,8 +27,8 @@ from benchmarks.page_protocol import Page, connected, cookie_of, hand_forces, te
 from benchmarks.served_trainer import Served, served_trainer
 from physics import Exact, NeoHooke
 
-Mode = Literal["pull", "dissect"]
-Mix = Literal["pull", "dissect", "mixed", "class"]
+Mode = Literal["pull", "dissect", "calot"]
+Mix = Literal["pull", "dissect", "calot", "mixed", "class"]
 """What clients do; every other one of a mix, or of a class, pulls."""
 
 CLIENTS = (1, 8, 16)
@@ -36,6 +37,8 @@ SECONDS = 10.0
 SETTLING = 2.0
 SLIDER_SECONDS, DRAG_SECONDS = 0.1, 0.05
 """A hand moves a slider, or what it drags, this often."""
+REACHED, STROKE = 44, 30
+"""Steps of an instrument into the triangle, and then from one opening or closing to the next."""
 # Moves of the slider whose answers are waited for.
 LATENCY_MOVES = 60
 # A duct that sends nothing for so long has come to rest.
@@ -67,7 +70,21 @@ async def pulling(
                 await page.drag(displacement)
                 await asyncio.sleep(DRAG_SECONDS)
 
-        hand = asyncio.create_task(pull() if mode == "pull" else dissect())
+        async def spread() -> None:
+            await page.point("hand")  # the right one
+            for step in itertools.count():
+                in_triangle, at_end = divmod(step - REACHED, STROKE)
+                if step < REACHED:
+                    words = "nudge 0 0 0.5"
+                elif not at_end:
+                    words = "act"  # the jaws open, or close
+                else:
+                    words = f"nudge {0.1 * (-1) ** (in_triangle // 2)} 0 0"
+                await page.point(words)
+                await asyncio.sleep(DRAG_SECONDS)
+
+        work = {"pull": pull, "dissect": dissect, "calot": spread}
+        hand = asyncio.create_task(work[mode]())
         frames, longest, last = 0, 0.0, time.perf_counter()
         while not stop.is_set():
             came, now = await page.frames(), time.perf_counter()
@@ -95,7 +112,8 @@ async def counted(
     start, stop = asyncio.Event(), asyncio.Event()
     pages: list[asyncio.Task[tuple[int, float]]] = []
     for number in range(clients):
-        mode: Mode = "pull" if mix == "pull" or (mix != "dissect" and number % 2) else "dissect"
+        mixed: Mode = "pull" if number % 2 else "dissect"
+        mode: Mode = mixed if mix in ("mixed", "class") else mix
         trainee = None
         if mix == "class":
             trainee = await asyncio.to_thread(cookie_of, served.link), f"Trainee {number + 1}"

@@ -10,7 +10,7 @@ from app.anatomy import AnatomyNetwork
 from app.simulation import TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar
 from app.trainer.scope.packing import DrawnHand, Frame, Well
 from app.trainer.scope.picture import ScopePicture
-from app.trainer.scope.pose import Laparoscope, Pose
+from app.trainer.scope.pose import Laparoscope, Pose, cross
 
 INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
 JAWS_APART = 3.0
@@ -97,9 +97,9 @@ def _in_elements(tissue: SpatialTissue, tube: int, station: float) -> float:
 def _roll(trocar: Trocar, hand: Hand) -> float:
     """Return an instrument's turn about its shaft, rad: as its jaws part or its tip bends."""
     back = trocar.shaft(hand.place)
-    level = np.cross((0.0, 0.0, 1.0), back)
+    level = np.array([-back[1], back[0], 0.0])  # across it and across what is up
     level = level / math.sqrt(float((level * level).sum()))
-    over = np.cross(back, level)
+    over = cross(back, level)
     if hand.instrument == "right angle":  # it bends along level cos(roll) + over sin(roll)
         bent = -np.array(hand.aim)
         return math.atan2(float((bent * over).sum()), float((bent * level).sum()))
