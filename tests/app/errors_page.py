@@ -71,7 +71,7 @@ speeds each. Another {cheats} scripts (`benchmarks/cheat_scripts.py`) look for a
 an exercise teaches: none finds one. [How the exercises were tested](exercises-tested.md) has the
 figures of each class. To find errors takes 6 to 8 µs of a tick in the median
 while good hands do an exercise at one duct. While the recorded hands do *Critical view* it takes
-12 µs, and 18 µs in the mean (`python -m benchmarks finder`, two quiet cores, 29 November 2026).
+10 µs, and 15 µs in the mean (`python -m benchmarks finder`, two quiet cores, 30 November 2026).
 
 One author wrote the faults and their finder, and every hand here is a script: whether raters see
 the same errors in people's runs has not been measured. Holds slip, and walls tear in part, at
@@ -112,7 +112,9 @@ def page() -> str:
 
 
 def _row(each: ErrorClass, tissue: Conditions) -> str:
-    happened = re.sub(r"\{\w+(:[^}]*)?\}", "...", each.happened)
+    # What is joined to the word before it, as what did it, is there in some incidents only.
+    happened = re.sub(r"(?<=[^ ])\{\w+\}", "", each.happened)
+    happened = re.sub(r"\{\w+(:[^}]*)?\}", "...", happened)
     instead = re.sub(r"\{\w+(:[^}]*)?\}", "...", each.instead)
     only = " Only in an exercise that names it." if each.if_named else ""
     only += " A result of others." * each.is_result

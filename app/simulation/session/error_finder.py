@@ -316,7 +316,7 @@ class ErrorFinder:
                     tube=tube,
                     x=event.station,
                     name=self._titles[tube],
-                    by=by,
+                    by=by and by + self._since(tube),
                     instead=instead,
                 )
         self._events = len(duct.events)
@@ -361,29 +361,31 @@ class ErrorFinder:
                 x=nick.station,
                 leak=", and it leaks" if nick.leaks else "",
                 name=self._titles[nick.tube],
-                by=by,
+                by=by and by + self._since(nick.tube),
                 instead=instead,
             )
         self._nicked[:] = duct.nicked
 
     def _deed(self, i: int | None, tube: int) -> tuple[str, str]:
-        """Return what a hand did to a wall that gave way, since when, and what to do instead."""
+        """Return what a hand does to a wall, and what to do instead; nothing if no hand does."""
         if i is None or not self._several:
             return "", ""
         hand, row = self._duct.hands[i], self._seen[i]
         if hand.instrument in HOLDING:
             what = "it" if hand.tube == tube else f"the {self._titles[hand.tube]}"
-            by, instead = f"the {hand.instrument} pulled {what}", PULL_LESS
-        elif hand.opening > 0.0 and row[OPENS] >= row[TIP_SPEED]:
-            by, instead = f"the jaws of the {hand.instrument} opened against it", OPEN_ELSEWHERE
-        else:
-            by = f"the {hand.instrument} pressed on it"
-            instead = ERROR_CLASSES["instrument_on_wall"].instead
+            return f" as the {hand.instrument} pulled {what}", PULL_LESS
+        if hand.opening > 0.0 and row[OPENS] >= row[TIP_SPEED]:
+            return f" as the jaws of the {hand.instrument} opened against it", OPEN_ELSEWHERE
+        instead = ERROR_CLASSES["instrument_on_wall"].instead
+        return f" as the {hand.instrument} pressed on it", instead
+
+    def _since(self, tube: int) -> str:
+        """Return since when a wall that gave way was near its break, if for long enough to tell."""
         since = self._near_since.get(tube, self.incidents.tick) * TICK_SECONDS
-        if self.incidents.tick * TICK_SECONDS - since >= LEAST_WARNING:
-            near = self.incidents.limits["tear"]["near"]
-            by += f"; it had first passed {100.0 * near:.0f} % of its break at {since:.1f} s"
-        return f" as {by}", instead
+        if self.incidents.tick * TICK_SECONDS - since < LEAST_WARNING:
+            return ""
+        near = self.incidents.limits["tear"]["near"]
+        return f"; it had first passed {100.0 * near:.0f} % of its break at {since:.1f} s"
 
     def _judge_closing(self, event: Event) -> None:
         """Judge a clip or a division: on which tube, and whether the time has come for it."""
@@ -445,9 +447,10 @@ class ErrorFinder:
             for tube in self._vessels:
                 ratio = duct.stress_ratios[tube]
                 if ratio > most and duct.tears[tube] is None:
+                    by, instead = self._deed(hardest, tube)
                     incidents.note(
                         "tension_on_vessel", hardest, None, ratio, tube=tube,
-                        p=100.0 * min(ratio, 1.0), name=self._titles[tube],
+                        p=100.0 * min(ratio, 1.0), name=self._titles[tube], by=by, instead=instead,
                     )  # fmt: skip
         if duct.stress_ratio > near:
             for tube, ratio in enumerate(duct.stress_ratios):
@@ -550,8 +553,9 @@ class ErrorFinder:
             ratio = press * duct.tubes.press_stresses[tube][node] / duct.strengths[tube]
             on_wall = limits["instrument_on_wall"]
             hard = ratio > on_wall["part"]
-            if self._several:
-                hard = hard and duct.stress_ratios[tube] > on_wall["near"]
+            if self._several:  # what strains a vessel is an error of its own
+                near = duct.stress_ratios[tube] > on_wall["near"]
+                hard = hard and near and tube not in self._vessels
             # To press on what bleeds is right.
             if hard and self._rates.get(duct.tubes.names[tube], 0.0) <= LEAST_FLOW:
                 station = float(beam.stations_of(duct.tubes.names[tube])[node])

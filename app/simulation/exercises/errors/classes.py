@@ -382,17 +382,18 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             ),
         ),
         ErrorClass(
-            "tension_on_vessel", "Pulled on a vessel", 7,
-            "the stress ratio of an artery or a vein is above `most`",
-            "at {t:.1f} s the {name} was at {p:.0f} % of its break",
+            "tension_on_vessel", "Strained a vessel", 7,
+            "the stress ratio of an artery or a vein is above `most`; it is put down to the hand "
+            "that pulls or presses hardest",
+            "at {t:.1f} s the {name} was at {p:.0f} % of its break{by}",
             "Ease the traction, and free it before you lift more.",
             (Parameter("most", "", 0.5, "half of the break"),),
         ),
         ErrorClass(
             "instrument_on_wall", "Pressed on the wall itself", 7,
             "for 0.13 s a jaw or swab presses on a tube that does not bleed with more than `least` "
-            "and `part` of what breaks it; at an anatomy, while that tube's wall is at more than "
-            "`near` of its break",
+            "and `part` of what breaks it; at an anatomy on no vessel, and while that tube's wall "
+            "is at more than `near` of its break",
             "at {t:.1f} s the {tool} pressed on {what} with {f:.1f} N",
             "Press on no wall: lead the instrument aside, to where only strands are.",
             (

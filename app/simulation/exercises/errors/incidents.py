@@ -36,8 +36,8 @@ class Incident(msgspec.Struct, frozen=True):
     @property
     def happened(self) -> str:
         """What was done and where: a clause without a full stop."""
-        # Runs kept before a pull's side was known have none.
-        known = {"to": "", **self.values}
+        # Older runs have neither a pull's side nor what strained a vessel.
+        known = {"to": "", "by": "", **self.values}
         return ERROR_CLASSES[self.error].happened.format(t=self.start_s, **known)
 
     @property
