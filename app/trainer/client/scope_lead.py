@@ -779,9 +779,9 @@ class ScopeLead:
         self._state.show()
 
     def open_more(self, more: float) -> None:
-        """Part the active hand's jaws by some mm more, or less."""
+        """Part the active hand's jaws by some mm more, or less, as far as they go."""
         if self._may_act() and (more < 0.0 or self._steps()):
-            self._jaws[self.hand] = max(0.0, self._opens_to + more)
+            self._jaws[self.hand] = min(max(0.0, self._opens_to + more), SPREAD)
 
     @property
     def _opens_to(self) -> float:
