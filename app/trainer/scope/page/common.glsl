@@ -78,3 +78,10 @@ vec3 lit(vec3 n, vec3 albedo, vec3 soft, float rough, float wet, float cavity) {
   float shade = rodShade(vPlace) * cavity;
   return fallOff(d, dot(-l, uAxis)) * (shade * (albedo * diffuse + fresnel * shine * max(nl, 0.0)) + bounce);
 }
+
+// A light line so far from its middle, mm: dark beside it, so that it is seen on fat and on liver.
+vec4 drawnLine(float d) {
+  float soft = 0.7 * fwidth(d);
+  vec4 both = mix(vec4(0.75, 1.0, 1.0, 0.9), vec4(0.0, 0.05, 0.1, 0.45), smoothstep(0.22 - soft, 0.22 + soft, d));
+  return vec4(both.rgb, both.a * (1.0 - smoothstep(0.45 - soft, 0.45 + soft, d)));
+}

@@ -9,7 +9,6 @@ float off(vec2 on) {
 }
 void main() {
   float d = off(vOn);
-  if (outside() || d > 0.4) discard;
-  // Dark beside a light line: it is seen on fat and on liver.
-  gl_FragColor = d < 0.18 ? vec4(0.75, 1.0, 1.0, 0.9) : vec4(0.0, 0.05, 0.1, 0.45);
+  if (outside() || d > 0.6) discard;
+  gl_FragColor = drawnLine(d);
 }
