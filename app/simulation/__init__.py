@@ -97,6 +97,17 @@ from app.simulation.specimen.tear import (
 from app.simulation.specimen.tubes import Tubes
 from app.simulation.tissue.guidance import Guidance
 from app.simulation.tissue.held_pull import pull_and_hold
+from app.simulation.tissue.instruments import (
+    CLIP_OPENING,
+    FIRST_INSTRUMENTS,
+    JAW_RADIUS,
+    MOST_OPENING,
+    MOST_SUCTION,
+    SWAB_RADIUS,
+    TOWARDS_HAND,
+    HandContact,
+    Rod,
+)
 from app.simulation.tissue.jaw_steps import GRIPS_AT, IN_RING_MM, STOPS_AT, TURNED, turn_off
 from app.simulation.tissue.planar_tissue import PlanarTissue
 from app.simulation.tissue.reached_tube import (
@@ -108,20 +119,7 @@ from app.simulation.tissue.reached_tube import (
 from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.tissue.safety import Safety
 from app.simulation.tissue.sight import FIELD_OF_VIEW, TOWARDS_VIEWER
-from app.simulation.tissue.spatial_tissue import (
-    CLIP_OPENING,
-    FIRST_INSTRUMENTS,
-    JAW_RADIUS,
-    MOST_OPENING,
-    MOST_SUCTION,
-    SWAB_RADIUS,
-    TOWARDS_HAND,
-    Event,
-    EventKind,
-    HandContact,
-    Rod,
-    SpatialTissue,
-)
+from app.simulation.tissue.spatial_tissue import Event, EventKind, SpatialTissue
 from app.simulation.tissue.tissue import Tissue
 
 __all__ = [

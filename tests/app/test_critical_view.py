@@ -42,6 +42,7 @@ from app.simulation.tissue.clip_steps import (
     place_to_close,
     places_to_close,
 )
+from app.simulation.tissue.instruments import CLIP_OPENING, RADIUS
 from app.simulation.tissue.parting import (
     AT_NECK,
     PASSES_AFTER,
@@ -62,7 +63,6 @@ from app.simulation.tissue.passes import (
     likelihood,
     tip_of,
 )
-from app.simulation.tissue.spatial_tissue import CLIP_OPENING, RADIUS
 from assets import SCRIPTS
 
 

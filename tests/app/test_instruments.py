@@ -5,7 +5,7 @@ from pathlib import Path
 import app
 from app.rl.picture import SHAFTS
 from app.simulation import ALL_INSTRUMENTS, INSTRUMENTS
-from app.simulation.tissue.spatial_tissue import RODS
+from app.simulation.tissue.instruments import RODS
 from app.trainer.client.scope_lead import LEAD_MM_S
 from app.trainer.panel import hands_box, scope_panel
 

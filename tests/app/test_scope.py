@@ -1260,28 +1260,28 @@ def test_the_lens_is_soiled_by_touch_and_jets_and_a_replay_has_it() -> None:
         session.look_from([*camera.axes[:, 2], *camera.tip, *numbers])
 
     look()
-    assert tissue.soil == 0.0
+    assert tissue.lens.soil == 0.0
     performed(read_script(SCRIPTS / "hasty.toml"), session)
-    soiled = tissue.soil
+    soiled = tissue.lens.soil
     assert 0.2 < soiled < 1.0
     log = session.run_file().log
     again = Replay(log, tissue.dissection.organ)
     again.seek_tick(log.ticks)
-    assert again.session.spatial.soil == soiled
+    assert again.session.spatial.lens.soil == soiled
     session.wipe_lens()
-    assert tissue.soil == 0.0
+    assert tissue.lens.soil == 0.0
     session.reset()
     session.open_jaws(1, 2.0)
     session.advance(5)
     duct = tissue.beam.places_at(np.array([5.0]), "cystic")[0]
     held.pose = held.scope.look(duct, 2.0, held.pose)
     look()
-    assert tissue.soil == 1.0
+    assert tissue.lens.soil == 1.0
     session.advance(5)
     log = session.run_file().log
     again = Replay(log, tissue.dissection.organ)
     again.seek_tick(log.ticks)
-    assert again.session.spatial.soil == 1.0
+    assert again.session.spatial.lens.soil == 1.0
 
 
 def test_a_scope_is_held_as_a_run_has_logged_it() -> None:

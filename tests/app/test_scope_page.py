@@ -172,7 +172,7 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         assert drawn == pytest.approx(computed, rel=1e-3)
         # Its jet has soiled the lens, which is wiped.
         lens = page.tab.page.locator(".bd-scope-lens")
-        tab.wait_until(lambda: tissue.soil > 0.0, 30.0)
+        tab.wait_until(lambda: tissue.lens.soil > 0.0, 30.0)
         expect(lens).to_be_visible()
         tab.page.keyboard.press("b")
         tab.wait_until(

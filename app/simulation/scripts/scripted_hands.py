@@ -25,7 +25,8 @@ from app.simulation.inputs.grasper import HAND_SPEED
 from app.simulation.session.holding import NEAR_BREAK, STEP_MM
 from app.simulation.session.session import Session
 from app.simulation.tissue.clip_steps import Bleeding, ClipSite
-from app.simulation.tissue.spatial_tissue import JAW_RADIUS, LEAST_FLOW
+from app.simulation.tissue.instruments import JAW_RADIUS
+from app.simulation.tissue.spatial_tissue import LEAST_FLOW
 
 Floats = NDArray[np.float64]
 REST_SECONDS = 0.3

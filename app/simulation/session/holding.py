@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from app.simulation.exercises.goals import FreeLength
 from app.simulation.inputs.hand import Hand
 from app.simulation.runs.run_file import HANDS
-from app.simulation.tissue.spatial_tissue import JAW_RADIUS, MOST_OPENING, SpatialTissue
+from app.simulation.tissue.instruments import JAW_RADIUS, MOST_OPENING
+from app.simulation.tissue.spatial_tissue import SpatialTissue
 
 NEAR_MM, REACH_MM = 2.0, 3.0
 """Strands within the first of a station are looked at. Jaws are to open farther than what they part

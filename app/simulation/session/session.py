@@ -52,9 +52,10 @@ from app.simulation.specimen.drawn_duct import DrawnDuct
 from app.simulation.specimen.grasped_beam import BeamModel, GraspedBeam
 from app.simulation.specimen.preset import OrganBeam, Preset, preset_named, presets
 from app.simulation.specimen.specimen import Specimen
+from app.simulation.tissue.instruments import HandContact
 from app.simulation.tissue.planar_tissue import PlanarTissue
 from app.simulation.tissue.reading import Reading, Vector
-from app.simulation.tissue.spatial_tissue import HandContact, SpatialTissue
+from app.simulation.tissue.spatial_tissue import SpatialTissue
 from app.simulation.tissue.tissue import Tissue
 from organ_geometry import Organ
 from physics import Cubic, Theory

@@ -26,15 +26,11 @@ from app.simulation.exercises.next_step import (
 )
 from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
+from app.simulation.tissue.instruments import CLIP_OPENING, RADIUS
 from app.simulation.tissue.jaw_steps import OUT_MM, RIGHT, TURNED, three, turn_off
 from app.simulation.tissue.reached_tube import nearest_wall
 from app.simulation.tissue.safety import Safety
-from app.simulation.tissue.spatial_tissue import (
-    CLIP_OPENING,
-    LEAST_FLOW,
-    RADIUS,
-    SpatialTissue,
-)
+from app.simulation.tissue.spatial_tissue import LEAST_FLOW, SpatialTissue
 
 Floats = NDArray[np.float64]
 PAST_MM = 1.5

@@ -28,10 +28,10 @@ from app.simulation.exercises.critical_view import (
 )
 from app.simulation.exercises.next_step import Where
 from app.simulation.inputs.trocar import TROCARS
+from app.simulation.tissue.instruments import RADIUS
 from app.simulation.tissue.passes import Passes
 from app.simulation.tissue.reached_tube import wall_gap
 from app.simulation.tissue.safety import Safety
-from app.simulation.tissue.spatial_tissue import RADIUS
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

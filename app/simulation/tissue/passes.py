@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.inputs.trocar import TROCARS
+from app.simulation.tissue.instruments import LENGTH, RADIUS
 from app.simulation.tissue.reached_tube import wall_gap
 from app.simulation.tissue.safety import Safety
-from app.simulation.tissue.spatial_tissue import LENGTH, RADIUS
 from physics.bed import BeamOnBed
 
 Floats = NDArray[np.float64]

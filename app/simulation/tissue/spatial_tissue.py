@@ -45,6 +45,24 @@ from app.simulation.specimen.preset import OrganBeam
 from app.simulation.specimen.specimen import Specimen
 from app.simulation.specimen.structures import entering_tubes, front_strands, named_structures
 from app.simulation.specimen.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
+from app.simulation.tissue.instruments import (
+    ALONG,
+    CLIP_OPENING,
+    FIRST_INSTRUMENTS,
+    FROM_ABOVE,
+    JAWED,
+    LENGTH,
+    MOST_OPENING,
+    MOST_SUCTION,
+    RADIUS,
+    RODS,
+    SCOPE_INSTRUMENTS,
+    TOWARDS_HAND,
+    HandContact,
+    Rod,
+    jaw_offset,
+)
+from app.simulation.tissue.lens import Lens
 from app.simulation.tissue.reached_tube import jaws_on_wall
 from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.tissue.sight import STEADY, STEADY_MM, TOWARDS_VIEWER
@@ -62,9 +80,6 @@ it."""
 LOSSES: dict[str, EventKind] = {"blood": "bleeding", "bile": "leak"}
 LEAST_FLOW = 1e-3
 """mm^3/s. Out of a tube that loses less, nothing flows."""
-FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
-SCOPE_INSTRUMENTS: tuple[Instrument, ...] = ("grasper", "dissector")
-"""At an anatomy: the assistant's hand holds, the surgeon's parts."""
 LIFTED_AT_MM, LIFT_MM_S, SETTLE_TICKS = 10.0, 10.0, 30
 """Where an exercise lifts the gallbladder, mm from its neck; at what mm/s; ticks of rest."""
 MOST_LIFTED = 0.75
@@ -73,50 +88,8 @@ CLEAR_MM = 18.0
 """mm before the tubes of an anatomy, on the way to its trocar, where an empty instrument waits."""
 # Of the span, where the hands' empty instruments wait: the second one out of the first's way.
 PARKED_AT = (0.5, 0.2)
-JAW_RADIUS, SWAB_RADIUS = 1.2, 3.0
-"""mm. Closed jaws pass between the duct and the bed, whose gap is 3 mm; a swab does not."""
-LENS_AT = slice(3, 6)
-"""Of a view's numbers: where the camera is."""
-SCOPED = 12
-"""Least numbers of a view through a scope."""
-LENS_RADIUS = 5.0
-"""mm of a scope's shaft."""
-JET_ML_S, SPRAY_MM, SOILS_PER_ML = 0.5, 30.0, 0.12
-"""ml/s from which blood jets, mm at which half as much reaches the lens as close by, and how much
-of the lens a millilitre soils there: choices, not measurements."""
-RADIUS: dict[Instrument, float] = {
-    "dissector": JAW_RADIUS, "swab": SWAB_RADIUS, "right angle": 0.6, "clip applier": 0.8,
-    "scissors": 0.8, "suction": 1.5,
-}  # fmt: skip
-"""mm, of the rods that an instrument is."""
-LENGTH: dict[Instrument, float] = {"right angle": 14.0}
-"""mm, of a bent tip as it is drawn; others go on through their trocar."""
-CLIP_OPENING = 6.0
-"""mm between jaws that close a tube, as they come open: wider than the cystic duct."""
-MOST_OPENING = 40.0
-"""mm between the axes of a dissector's jaws: more than any clamps' distance allows to use."""
-FROM_ABOVE = (0.0, -0.6, 0.8)
-TOWARDS_HAND: dict[Instrument, Vector] = {
-    "dissector": (0.0, -1.0, 0.0), "swab": FROM_ABOVE, "right angle": (0.0, -1.0, 0.0),
-    "clip applier": FROM_ABOVE, "scissors": FROM_ABOVE, "suction": FROM_ABOVE,
-}  # fmt: skip
-"""From the tip back along an instrument's shaft, unless it is aimed: jaws pass behind the duct from
-the side of the viewer, a swab comes from above. Of a right angle this is its bent tip."""
-ALONG = (1.0, 0.0, 0.0)
-"""Direction in which jaws part, unless another is given."""
-# Rods of the beam that each hand's instrument is.
-JAWED: tuple[Instrument, ...] = ("dissector", "right angle", "clip applier", "scissors")
-RODS: dict[Instrument, tuple[tuple[int, ...], ...]] = {
-    "hook": ((),) * HANDS,
-    "grasper": ((),) * HANDS,
-    **dict.fromkeys(JAWED, tuple((2 * hand, 2 * hand + 1) for hand in range(HANDS))),
-    "swab": tuple((2 * hand,) for hand in range(HANDS)),
-    "suction": tuple((2 * hand,) for hand in range(HANDS)),
-}
 DIRECTION = (1e-9, 1e9)
 """Length of what can be a direction."""
-MOST_SUCTION = 30.0
-"""ml/s."""
 REACH = 60.0
 """mm beyond the duct's ends and to its sides that a hand can reach."""
 GAP_MM = 3.0  # between a free duct and where an empty dissector waits below it
@@ -134,25 +107,6 @@ LEAP, MORE_THAN_BEFORE = 0.25, 2.0
 # Tissue that relaxes does so for minutes: it is left as it is once no node moves farther, and its
 # stress changes by no more of the strength.
 RELAXED_MM, RELAXED_FRACTION = 1e-5, 1e-6
-
-
-class Rod(NamedTuple):
-    """A jaw or a swab, as the beam has it."""
-
-    number: int
-    tip: Floats  # (3,) mm
-    shaft: tuple[float, float, float]  # back along it
-    radius: float  # mm
-    length: float  # mm
-
-
-class HandContact(NamedTuple):
-    """What a hand does to the beam."""
-
-    station: float | None  # that it holds, mm along the beam
-    place: Floats  # (3,) of its tip, mm
-    rods: tuple[Rod, ...]
-    tube: str | None = None  # that it holds or last held
 
 
 class Event(NamedTuple):
@@ -283,7 +237,7 @@ class SpatialTissue:
         ]
         if self.view is not TOWARDS_VIEWER:
             in_progress.append((0, ("view", self.pose)))
-            self._touch_lens()
+            self.lens.touch(self.pose, self.beam)
         return in_progress
 
     def _make_whole(self) -> None:
@@ -306,8 +260,7 @@ class SpatialTissue:
             self.beam.detach(front_strands(self.specimen.anatomy, tubes, self._exposed))
         self.fluids = tubes.fluids(self.beam)
         self.events: list[Event] = []
-        self.soil = 0.0
-        """Of the scope's lens: 0 clean, 1 as soiled as it gets."""
+        self.lens = Lens(soils=self._soils)
         self.marks: list[Mark] = []
         self.called_unsafe = False  # whether it was said that nothing can safely be told
         self.sucked_ml, self._suction = 0.0, [0.0] * HANDS  # ml/s
@@ -409,8 +362,7 @@ class SpatialTissue:
         if kind in ("clip", "divide"):
             return (kind, ()) if self._close(hand, kind) else None
         if kind == "wipe":
-            soiled, self.soil = self.soil > 0.0, 0.0
-            return ("wipe", ()) if soiled else None
+            return ("wipe", ()) if self.lens.wipe() else None
         if kind in ("mark", "unsafe"):
             return self._name(kind, values, begin)
         if kind == "suck":
@@ -496,29 +448,8 @@ class SpatialTissue:
         if float((view * self.view).sum()) > STEADY and not _moved(self.pose, pose):
             return None
         self.view, self.pose = view, pose
-        self._touch_lens()
+        self.lens.touch(self.pose, self.beam)
         return "view", pose
-
-    def _touch_lens(self) -> None:
-        """Soil the scope's lens if its tip touches a tube."""
-        if not self._soils or len(self.pose) < SCOPED:
-            return
-        for name, tube in self.tubes.network.tubes.items():
-            off = self.beam.places[self.beam.nodes_of(name)] - np.array(self.pose[LENS_AT])
-            if ((off * off).sum(axis=1) < (tube.radius + LENS_RADIUS) ** 2).any():
-                self.soil = 1.0
-                return
-
-    def _soil_lens(self) -> None:
-        """Let jets of blood soil the scope's lens for a tick, the more the nearer it is."""
-        if not self._soils or len(self.pose) < SCOPED or "blood" not in self.fluids:
-            return
-        for hole in self.fluids["blood"].holes:
-            jet = 1e-3 * hole.flow
-            if jet > JET_ML_S:
-                off = self.beam.places[hole.node] - np.array(self.pose[LENS_AT])
-                near = 1.0 + float((off * off).sum()) / SPRAY_MM**2
-                self.soil = min(self.soil + SOILS_PER_ML * jet * TICK_SECONDS / near, 1.0)
 
     def _turn(
         self, hand: int, kind: InputKind, values: tuple[float, ...], begin: Callable[[], bool]
@@ -755,7 +686,7 @@ class SpatialTissue:
         holder, rods = self.hands[hand], self.rods_of(hand)
         if len(rods) < 2:
             return [(rod, holder.place) for rod in rods]
-        apart = _jaw_offset(holder) * np.array(holder.spread)
+        apart = jaw_offset(holder) * np.array(holder.spread)
         return [(rods[0], holder.place - apart), (rods[1], holder.place + apart)]
 
     # Time
@@ -814,7 +745,7 @@ class SpatialTissue:
         a, b = self.hands
         if self._arguments is None:
             self._arguments = self._arguments_now()
-        if not _STEP((_jaw_offset(a), _jaw_offset(b)), *self._arguments):
+        if not _STEP((jaw_offset(a), jaw_offset(b)), *self._arguments):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 
     def _arguments_now(self) -> tuple[Any, ...]:
@@ -976,8 +907,8 @@ class SpatialTissue:
         wanted = sum(self._suction) * TICK_SECONDS
         if wanted > 0.0:
             self.sucked_ml += min(wanted, self.pooled_ml())
-        if self._leaking:
-            self._soil_lens()
+        if self._leaking and "blood" in self.fluids:
+            self.lens.spray(self.pose, self.beam, self.fluids["blood"])
         for fluid, flow in self.fluids.items():
             if not flow.advance(TICK_SECONDS) and not self._leaking:
                 continue
@@ -1323,14 +1254,6 @@ def _step(
         bending = math.sqrt(row[2] * row[2] + row[3] * row[3])
         row[RATIO] = (row[1] + bending) / strengths[tube]
     return True
-
-
-def _jaw_offset(hand: Hand) -> float:
-    """Return how far a jaw's axis is from the tip's middle, mm."""
-    # Closed jaws lie side by side, so that no strand is between them.
-    if hand.instrument not in JAWED:
-        return 0.0
-    return 0.5 * hand.opening + 1.05 * RADIUS[hand.instrument]
 
 
 def _moved(before: tuple[float, ...], now: tuple[float, ...]) -> bool:

@@ -255,7 +255,7 @@ class ScopePanel:
         set_if_changed(self._how, content=f"<div style='min-height:{HOW_PX}px'>{how}</div>")
         use = "The scope is led" if lead.leads_scope else f"{lead.use} (G)"
         set_if_changed(self._use, label=use, disabled=lead.leads_scope)
-        set_if_changed(self._wipe, disabled=state.shown.spatial.soil == 0.0)
+        set_if_changed(self._wipe, disabled=state.shown.spatial.lens.soil == 0.0)
         self._scope.show("oblique" if lead.held.oblique else "straight")
         assisted = ASSISTED_STILL if lead.leads_scope else ASSISTED
         held = assisted if lead.held.assisted else YOU_HOLD

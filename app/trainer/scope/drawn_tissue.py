@@ -53,7 +53,7 @@ def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, pose: Pose) -> Non
             )
             for each in tissue.nicks()
         ],
-        soil=tissue.soil,
+        soil=tissue.lens.soil,
     )
     picture.send(tissue.beam, frame)
 
