@@ -56,7 +56,8 @@ class Practice:
     """A trainee's sessions, each made when it is first asked for; `scene` is shown.
 
     `own_anatomy` is what the trainer was started with, or None for the usual one; of a `case` that
-    is built in the page it is the case as it is now.
+    is built in the page it is the case as it is now. A page that is left notes the `hand` that was
+    led and whether its picture was `plain`, for the one that is loaded in its place.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class Practice:
         self._organ, self._preset = organ, preset
         self._own_anatomy, self.case = own_anatomy, case
         self.scene: SceneName | None = scene  # None until a page has opened
+        self.hand, self.plain = 0, False
         self._lock = Lock()
         self._sessions: dict[SceneName, Session] = {}
 

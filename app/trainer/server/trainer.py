@@ -336,6 +336,9 @@ class Trainer:
                 view.replay(self._replay)
             elif lost:
                 client.add_notification("A new duct", LOST, color="yellow")
+            elif token == before and view.state.in_exercise and view.session.run.started:
+                words = f"{view.session.run.seconds:.0f} s of it are over."
+                client.add_notification("Your try goes on", words)
             elif token != before and not _seen(client):
                 show_first_minute(client, view.session)
             uncover_page(client)

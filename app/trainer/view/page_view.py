@@ -155,7 +155,9 @@ class PageView:
         self._scene: Scene
         self._panel: PagePanel | ScopePanel
         self._lead: ScopeLead | None = None  # of what mouse and keys lead at an anatomy
-        self._open(practice.scene or "bed", plain=look == "plain")
+        self._open(practice.scene or "bed", plain=practice.plain or look == "plain")
+        if self.state.in_exercise:  # which the page that was left had begun
+            self.state.choose_hand(practice.hand)
         on_page_ready(self)
 
     @property
@@ -181,6 +183,7 @@ class PageView:
         self.state.close_result()  # nobody waits for what is computed for it
         with self._lock:
             self._closed = True
+            self._practice.hand, self._practice.plain = self.state.hand, self.state.plain
             self._let_go()
 
     def show_duct(self, organ: Organ, preset: Preset | None, scene: SceneName) -> None:
