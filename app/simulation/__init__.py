@@ -115,6 +115,7 @@ from app.simulation.tissue.reached_tube import (
     near_place,
     pointed_at,
     seen_beside,
+    wall_gap,
 )
 from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.tissue.safety import Safety
@@ -275,4 +276,5 @@ __all__ = [
     "tear_front",
     "tear_swing",
     "turn_off",
+    "wall_gap",
 ]

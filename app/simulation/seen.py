@@ -45,7 +45,9 @@ class Sights:
             if level > self._reached.get(what, 0.0):
                 self._reached[what] = level
                 seen.append(Seen(now, what.format(f"{100.0 * level:.0f} %")))
-        if view.total != self._points:
+        # What is divided between clips is no part of the view any more, and takes nothing from it.
+        divided = any(each.kind == "division" for each in self._session.spatial.events)
+        if view.total > self._points or (view.total < self._points and (view.torn or not divided)):
             seen.append(Seen(now, f"{view.total} of {MOST_POINTS} points (before: {self._points})"))
             self._points = view.total
         if tick == self._last:

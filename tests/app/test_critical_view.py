@@ -1,5 +1,6 @@
 """Exercises at an anatomy: *Critical view*, *Stop a bleeding*; errors of clips and divisions."""
 
+import itertools
 import math
 import re
 from collections import Counter
@@ -14,6 +15,7 @@ from app.anatomy import Anatomy, anatomy_named, drawn_anatomy, shipped_anatomies
 from app.simulation import (
     FEW,
     MANNERS,
+    TICKS_PER_SECOND,
     TROCARS,
     Guidance,
     Instrument,
@@ -21,6 +23,7 @@ from app.simulation import (
     Replay,
     Safety,
     Session,
+    Sights,
     Specimen,
     exercise_at,
     exercises_offered,
@@ -613,9 +616,12 @@ def test_who_goes_by_the_rings_closes_what_is_freed(seed: int) -> None:
     trainee.use()
     trainee.wait(1.0)
     trainee.mark("cystic artery", "artery")
+    assert trainee.lead.points_at is None, "a press leads hands again, which have to clip"
     trainee.mark("cystic duct", "cystic")
+    sights, looks = Sights(session, 1 << 20), itertools.count(TICKS_PER_SECOND, TICKS_PER_SECOND)
     while not session.run.over and session.run.seconds < 200.0:
         trainee.wait(0.6)
+        sights.look(next(looks))
         step = trainee.lead.next_step
         if step is not None:
             assert len(step.words.split()) <= 25, step.words
@@ -625,6 +631,9 @@ def test_who_goes_by_the_rings_closes_what_is_freed(seed: int) -> None:
     kinds = Counter((each.tube, each.kind) for each in session.spatial.events)
     assert set(kinds.values()) == {1, 3}
     assert session.spatial.peak_stress_ratio < 0.7
+    # What is divided as it is to be takes no point of the view away.
+    counted = [each.what for each in sights.seen if "points (before" in each.what]
+    assert len(counted) == 1
 
 
 def test_what_fails_a_bleeding_at_its_end_is_known_as_soon_as_it_is_done() -> None:

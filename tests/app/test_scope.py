@@ -748,6 +748,31 @@ def test_jaws_that_cannot_leave_a_wall_along_their_tip_leave_it_otherwise(lead: 
     assert (np.array(jaws.withdrawn().place) == rings[0]).all()
 
 
+def test_where_open_jaws_leave_a_wall_stays_asked_for_until_they_have_gone_there(
+    lead: ScopeLead,
+) -> None:
+    """While a tip lies still nothing else is asked for; who goes there in vain is led elsewhere."""
+    tissue = lead.session.spatial
+    jaws, place = asked_jaws(lead, "right angle", 5)
+    taut(lead)
+    hand = tissue.hands[1]
+    hand.put(place)
+    hand.opening = 10.0
+    jaws.follow()
+    jaws._state, jaws._wall = "to leave", "cystic"
+    jaws._leave()
+    rings = [jaws.next_step().place]
+    for _ in range(4 * LEAVES_FOR):
+        jaws.follow()
+        assert jaws.next_step().place == rings[0]
+    for number in range(4 * LEAVES_FOR):
+        hand.put(place + np.array([0.01 * number, 0.0, 0.0]))
+        jaws.follow()
+        ring = jaws.next_step().place
+        rings += [ring] if ring not in rings else []
+    assert len(rings) > 3
+
+
 def test_jaws_are_led_off_a_tube_that_runs_through_between_them_before_they_close(
     lead: ScopeLead,
 ) -> None:
@@ -1165,6 +1190,27 @@ def test_how_a_tip_comes_to_its_ring_is_said_in_order(
 ) -> None:
     """Far out comes first, then aside in front of the tissue, and in last."""
     assert _moves(to_ring, holds=holds, in_tissue=in_tissue) == words
+
+
+def test_a_tip_beside_a_duct_is_not_sent_through_it_to_its_ring(
+    lead: ScopeLead, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It comes out first, as from among strands."""
+    tissue = lead.session.spatial
+    lead.choose(1)
+    axes = lead.held.camera.axes
+    right = axes[:, 0]
+    hand = tissue.hands[1]
+    wall = tissue.beam.places_at(np.array([30.0]), "common")[0]
+    for side, meets in ((1.0, True), (-1.0, False)):  # left of the duct, and going right or left
+        hand.put(wall - 10.0 * right)
+        monkeypatch.setattr(ScopeLead, "to_ring", property(lambda _, s=side: (20.0 * s, 0.0, 1.0)))
+        assert lead.meets_wall == meets, side
+    hand.put(wall - 10.0 * right + 60.0 * axes[:, 2])  # far in front of all
+    monkeypatch.setattr(ScopeLead, "to_ring", property(lambda _: (20.0, 0.0, 40.0)))
+    assert not lead.meets_wall
+    monkeypatch.setattr(ScopeLead, "to_ring", property(lambda _: None))
+    assert not lead.meets_wall
 
 
 def test_led_by_its_handle_the_tip_goes_the_other_way(lead: ScopeLead) -> None:

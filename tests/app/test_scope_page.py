@@ -335,6 +335,29 @@ def test_show_me_plays_the_recorded_critical_view(calot: Trainer, browser: Brows
         tab.wait_until(lambda: view.state.playback is None)
 
 
+def test_a_try_goes_on_in_a_page_that_is_loaded_anew(calot: Trainer, browser: Browser) -> None:
+    """With the hand that was led and the picture that was chosen, and it says so."""
+    with scope_page(browser, calot) as page:
+        tab, view = page.tab, page.view
+        tab.open("Learn")
+        tab.choose("Exercise", "Critical view")
+        tab.press("Start")
+        tab.wait_until(lambda: view.state.in_exercise)
+        assert view.state.hand == 1
+        view.state.show(plain=True)
+        view.session.open_jaws(1, 2.0)
+        tab.wait_until(lambda: view.session.run.started)
+        tab.page.reload()
+        tab.wait_until(lambda: _newest(calot, "calot") is not view)
+        again = _newest(calot, "calot")
+        assert again.session is view.session
+        expect(tab.page.get_by_text("Your try goes on")).to_be_visible()
+        assert again.state.in_exercise
+        assert again.state.hand == 1
+        assert again.state.plain
+        again.state.show(plain=False)
+
+
 def test_a_failed_try_names_its_cause_first_stands_still_and_is_begun_anew(
     calot: Trainer, browser: Browser
 ) -> None:

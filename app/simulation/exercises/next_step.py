@@ -36,20 +36,20 @@ BACK_ALONG = "Next: lead the right hand's {} back along its tip, into the ring."
 BACK = "Next: draw the right hand's {} out of the tissue (wheel back), to the ring."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
 DRAW_ASIDE = (
-    "Next: draw the {} aside with the left hand's grasper: drag it slowly into the ring, "
-    "{:.0f} of {:.0f} mm."
+    "Next: draw the {} aside with the left hand's grasper: drag it slowly to {:.0f} of "
+    "{:.0f} mm, into the ring."
 )
 DRAW_OFF = (
-    "Next: draw the {} off the liver with the left hand's grasper: drag it slowly into the "
-    "ring, {:.0f} of {:.0f} mm."
+    "Next: draw the {} off the liver with the left hand's grasper: drag it slowly to "
+    "{:.0f} of {:.0f} mm, into the ring."
 )
 DRAW_DOWN = (
-    "Next: draw the {} towards the common duct with the left hand's grasper: drag it slowly into "
-    "the ring, {:.0f} of {:.0f} mm."
+    "Next: draw the {} towards the common duct with the left hand's grasper: drag it slowly to "
+    "{:.0f} of {:.0f} mm, into the ring."
 )
 LIFT = (
-    "Next: lift the {} with the left hand's grasper: drag it slowly into the ring, {:.0f} of "
-    "{:.0f} mm."
+    "Next: lift the {} with the left hand's grasper: drag it slowly to {:.0f} of "
+    "{:.0f} mm, into the ring."
 )
 TO_RING = " towards the ring"
 """Where to it is let back, if that is known."""

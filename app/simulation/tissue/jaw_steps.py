@@ -89,6 +89,7 @@ class JawSteps:
         self._led_off: list[int] = []  # numbers of the directions in which they were led off it
         self._leaves = 0  # how often they were led off a wall before they closed on it
         self._in_vain = 0  # judgements meanwhile at which a wall was strained
+        self._led_from = np.zeros(3)  # (3,) mm, where the tip was led as a direction was chosen
         self._stuck = 0  # judgements in a row at which bent jaws strained a wall on their way back
         self._clear: Floats | None = None  # (3,) mm, where a bent tip is clear of what it lifted
         self._pressed = False  # whether the tip has pressed too hard here for jaws to part
@@ -178,9 +179,10 @@ class JawSteps:
             self._leave()
         elif self._state == "to leave":
             if self._tissue.stress_ratio > TAUT:
-                # A ring that moved at once could not be followed.
+                # A ring that moved at once, or while nobody goes there, could not be followed.
                 self._in_vain += 1
-                if self._in_vain % LEAVES_FOR == 0:
+                led = (hand.target != self._led_from).any()
+                if led and self._in_vain % LEAVES_FOR == 0:
                     self._leave()
             elif not opens and math.dist(hand.place, self._left) < IN_RING_MM:
                 self._state = "to close"
@@ -277,7 +279,7 @@ class JawSteps:
             (n for n in range(len(best)) if n not in self._led_off), key=lambda n: best[n][0]
         )
         self._led_off.append(number)
-        self._left = hand.place + best[number][1]
+        self._left, self._led_from = hand.place + best[number][1], hand.target.copy()
 
     def _between(self) -> str | None:
         """Return which tube runs through between the jaws, if one does."""

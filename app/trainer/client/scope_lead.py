@@ -29,6 +29,7 @@ from app.simulation import (
     near_place,
     pointed_at,
     turn_off,
+    wall_gap,
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.scope.held_scope import HeldScope
@@ -48,6 +49,8 @@ SPREAD, PARTS_MM_S, CLOSES_MM_S = 20.0, 5.0, 15.0
 that close at once crush what has come between them."""
 OFF_MM = 5.0
 """By which jaws part again that were closing."""
+MEETS_MM = 0.5
+"""From a wall, within which a tip would meet it."""
 CLOSES_SLOWLY_AT = 0.5
 """Of a wall's break, from which on jaws close as slowly as they part."""
 INSISTS = 0.03
@@ -294,6 +297,17 @@ class ScopeLead:
         right, up = self.held.camera.axes[:, :2].T @ (place - tip + into * shaft)
         return float(right), float(up), into
 
+    @property
+    def meets_wall(self) -> bool:
+        """Whether the led tip, on its way aside to the ring's path, would meet a wall."""
+        if (to_ring := self.to_ring) is None:
+            return False
+        aside = self.held.camera.axes[:, :2] @ np.array(to_ring[:2])
+        far = math.sqrt(float(aside @ aside))
+        tip, beam = self._led_to, self.session.spatial.beam
+        sides = aside / max(far, 1e-9), 0.0, far
+        return any(wall_gap(beam, name, tip, sides) < MEETS_MM for name in beam.network.tubes)
+
     def _far_along(self, ring: Floats, shaft: Floats, place: Floats) -> float:
         """How far from a ring back along a shaft the plane is that the pointer leads in, mm."""
         normal = self._normal_of(shaft)
@@ -346,8 +360,10 @@ class ScopeLead:
             return
         tube, at = found
         self.session.mark(structure, tube, at / tissue.tubes.surfaces[tube].scale)
-        marked = {each.structure for each in tissue.marks}
-        self.point(next((each for each in self.structures if each not in marked), None))
+        exercise, marked = self.session.run.exercise, {each.structure for each in tissue.marks}
+        # Where hands have something to do as well, the pointer leads them again.
+        asked = self.structures if exercise is not None and exercise.looks_only else ()
+        self.point(next((each for each in asked if each not in marked), None))
 
     def photograph(self) -> None:
         """Have the page take a photograph for the record with its next picture."""

@@ -34,8 +34,9 @@ WIDTH, HEIGHT, LEFT, ROW = 260.0, 80.0, 30.0, 15.0
 """px of the picture, of its curve, of the room left of it, and of a hand's row of marks."""
 DIGIT, APART = 6.0, 3.0
 """px of a digit of an error's number beside its mark, and between two of them."""
-LIST_PX = 140
-"""Height of the list of errors, which scrolls: all else fits beside it on a small screen."""
+LIST_PX, SHOWN = 140, 2
+"""Height of the list of errors, and how many that shows: it scrolls, and all else fits beside it on
+a small screen."""
 HANDS = ("left hand", "right hand")
 PAST = "#ff8a80"
 HEAD = "text-align:right;font-weight:400;padding-left:12px;max-width:72px;vertical-align:bottom"
@@ -251,7 +252,8 @@ def _count(errors: int) -> str:
     """Return how many errors there were, and how they are listed."""
     if errors == 1:
         return "1 error"
-    return f"{errors} errors, the most serious first; press one to see it"
+    more = "scroll for all, " if errors > SHOWN else ""
+    return f"{errors} errors, the most serious first; {more}press one to see it"
 
 
 def _button(uuid: str, text: str, hint: str) -> str:

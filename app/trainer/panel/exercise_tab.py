@@ -324,9 +324,9 @@ def _folded(failing: list[str]) -> str:
     """Return the errors that fail an exercise, to unfold."""
     if not failing:
         return ""
-    fail = "errors fail" if len(failing) > 1 else "error fails"
+    any_of = f"Any of {len(failing)} errors fails it" if len(failing) > 1 else "One error fails it"
     return (
-        f"<details><summary style='cursor:pointer'>{len(failing)} {fail} it</summary>"
+        f"<details><summary style='cursor:pointer'>{any_of}</summary>"
         f"{html.escape('; '.join(failing))}.</details>"
     )
 

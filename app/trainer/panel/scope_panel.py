@@ -352,7 +352,9 @@ class ScopePanel:
         if (asked := self._lead.asked_tool) is not None:
             name, place = "To the ring", f"take the {asked} (N)"
         elif to_ring is not None:
-            in_tissue = touched > 0 and step is not None and not step.through
+            through = step is not None and step.through
+            parts = holder.instrument not in HOLDING
+            in_tissue = parts and not through and (touched > 0 or self._lead.meets_wall)
             moves = _moves(to_ring, holds=holder.node is not None, in_tissue=in_tissue)
             if self._lead.in_ring and not (moves and step is not None and step.leads):
                 moves = "in it"
