@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from app.simulation.inputs.hand import Hand
 from app.simulation.inputs.inputs import Instrument
 from app.simulation.runs.run_file import HANDS
+from app.simulation.tissue.reading import Vector
 
 Floats = NDArray[np.float64]
-Vector = tuple[float, float, float]
 
 FIRST_INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper")
 SCOPE_INSTRUMENTS: tuple[Instrument, ...] = ("grasper", "dissector")
@@ -55,7 +55,7 @@ class Rod(NamedTuple):
 
     number: int
     tip: Floats  # (3,) mm
-    shaft: tuple[float, float, float]  # back along it
+    shaft: Vector  # back along it
     radius: float  # mm
     length: float  # mm
 
