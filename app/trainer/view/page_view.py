@@ -1,8 +1,8 @@
 """One client's page: a session of its practice, drawn and told about as often as there is time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from threading import Lock, Thread
-from typing import Protocol
+from typing import TypeAlias
 
 import viser
 
@@ -29,8 +29,7 @@ from app.trainer.panel.frame import LEARN, style_panel
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.page_panel import PagePanel, offers
 from app.trainer.panel.scope_panel import ScopePanel
-from app.trainer.scene.drag_proxy import Hold
-from app.trainer.scene.tissue_scene import Colours, TissueScene
+from app.trainer.scene.tissue_scene import TissueScene
 from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.stage.lighting import Look, LookChoice
@@ -45,54 +44,8 @@ LEAST_PICTURES = 5.0
 NOTICE_SECONDS = 20.0
 
 
-class Scene(Protocol):
-    """What draws a session's tissue for a client."""
-
-    def watch(self, session: Session) -> None:
-        """Show another session of the same organ from the next `draw` on."""
-        ...
-
-    def set_look(self, look: Look) -> None:
-        """Use another look from the next `draw` on."""
-        ...
-
-    def draw(self, reading: Reading, colours: Colours, *, figures: bool, overlay: bool) -> None:
-        """Draw the session as it is now."""
-        ...
-
-    def say_standing(self, *, figures: bool) -> None:
-        """Write at a goal what to do now."""
-        ...
-
-    def let_drag(
-        self,
-        grabbed: Callable[[Hold], None],
-        moved: Callable[[Hold], None],
-        released: Callable[[], None],
-    ) -> None:
-        """Let the mouse drag what hands can hold."""
-        ...
-
-    def advance(self, ticks: int) -> bool:
-        """Let ticks pass for what is no part of the tissue; return whether anything has moved."""
-        ...
-
-    def lead_into_picture(self, into: bool) -> None:
-        """Let drags go into the picture, and those with Shift in its plane; or the other way."""
-        ...
-
-    @property
-    def view(self) -> Sequence[float]:
-        """Whence the tissue is seen, as an `Input` has it."""
-        ...
-
-    def frame_camera(self) -> None:
-        """Bring the camera home."""
-        ...
-
-    def remove(self) -> None:
-        """Remove everything from the scene."""
-        ...
+Scene: TypeAlias = TissueScene | ScopeScene
+"""What draws a session's tissue for a client."""
 
 
 class PageView:
