@@ -78,7 +78,6 @@ class Estimate:
 class Fit:
     """What curves say of the material."""
 
-    theory: str
     modulus: Estimate
     poisson_ratio: Estimate
     strength: Estimate | None  # where a curve ends with the break
@@ -172,7 +171,6 @@ def fit_pulls(pulls: list[MeasuredPull], theory: Theory, *, free_ratio: bool = F
         )
     strength = _strength(problem, modulus, ratio, warnings)
     return Fit(
-        theory.name,
         modulus,
         ratio,
         strength,

@@ -50,7 +50,6 @@ class QuantisedAxis:
     ends: NDArray[np.int64]
     bends: NDArray[np.int64]
     scale: int  # See `scale_of`
-    step: float  # mm
     keys: NDArray[np.float64]  # (K, 3) mm, decoded from ends and bends
     cost: float  # Squared error plus the worth of its bits, mm^2
 
@@ -117,7 +116,7 @@ def quantised_axis(
     bends = np.zeros((count, 3), dtype=np.int64)
     bends[inner] = integers.reshape(-1, 3)
     cost = float(errors[0]) + bit_worth * total_bits(coordinates.bits, integers)
-    return QuantisedAxis(ends, bends, scale, step, axis_keys(ends, bends, step), cost)
+    return QuantisedAxis(ends, bends, scale, axis_keys(ends, bends, step), cost)
 
 
 def most_levels(sections: int) -> int:

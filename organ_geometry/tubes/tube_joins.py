@@ -50,7 +50,6 @@ class _Ahead:
     """What is ahead of an end: voxels by label, and whether the volume ends there."""
 
     point: Floats
-    out: Floats
     radius: float  # there, mm
     counts: dict[int, int]
     cut: bool
@@ -116,7 +115,7 @@ def _ahead(volume: LabelVolume, tubes: dict[int, TubeAxis], label: int, end: int
     counts = {int(one): int((labels == one).sum()) for one in np.unique(labels) if one in tubes}
     at = volume.indices(point)
     cut = bool(((at < 1.5) | (at > shape - 2.5)).any())
-    return _Ahead(point, out, radius, counts, cut)
+    return _Ahead(point, radius, counts, cut)
 
 
 def join_of(tube: TubeAxis, end: Literal[0, 1], other: TubeAxis, voxels: int = 0) -> TubeJoin:
