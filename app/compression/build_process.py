@@ -58,11 +58,6 @@ class BuildProcess:
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
 
-    @property
-    def running(self) -> bool:
-        """Whether there is a process."""
-        return self._process is not None
-
     def make(
         self,
         work: Callable[..., Made],

@@ -25,7 +25,7 @@ def process() -> Iterator[BuildProcess]:
     running = BuildProcess()
     yield running
     running.stop()
-    assert not running.running
+    assert running._process is None
 
 
 def nothing(done: int, total: int) -> None:
@@ -92,7 +92,7 @@ def test_stop_ends_what_is_being_made() -> None:
     assert failed == [Abandoned]
     with pytest.raises(Abandoned):
         own.make(doubled, 1, progress=nothing, wanted=lambda: True)
-    assert not own.running
+    assert own._process is None
 
 
 def test_a_workbench_gives_the_same_bytes_by_another_process(

@@ -241,7 +241,7 @@ def test_figures_are_served_to_who_has_the_token_and_only_when_asked_for(
         if not sample.labels
     }
     assert 0 < figures["bluntdissect_ticks"] <= trainer.timer.ticks
-    assert figures["bluntdissect_pages"] == len(trainer.sessions)
+    assert figures["bluntdissect_pages"] == len(trainer._views)
     assert {"bluntdissect_connections", "bluntdissect_upload_bytes"} < figures.keys()
     monkeypatch.setattr(guard, "token", TOKEN)
     for bearer in ({}, {"Authorization": f"Bearer {TOKEN}x"}, {"Authorization": TOKEN}):

@@ -129,7 +129,7 @@ def test_a_second_tab_leaves_the_first_its_duct(browser: Browser, trainer: Train
         tab.wait_until(lambda: newest(trainer) is not first)
         assert newest(trainer).session is not first.session
         second.close()
-        tab.wait_until(lambda: len(trainer.sessions) == 1)
+        tab.wait_until(lambda: len(trainer.frames) == 1)
         tab.page.reload()
         tab.wait_for_force(1.5)
         tab.wait_until(lambda: newest(trainer) is not first)

@@ -266,12 +266,6 @@ class Trainer:
         return None if lesson is None else f"{self.address}/?token={lesson.store.teacher_token}"
 
     @property
-    def sessions(self) -> dict[int, Session]:
-        """The sessions that the pages show, by client number."""
-        with self._views_lock:
-            return {number: view.session for number, view in self._views.items()}
-
-    @property
     def frames(self) -> dict[int, int]:
         """How often each client's duct was drawn, by client number."""
         with self._views_lock:
