@@ -287,32 +287,9 @@ def test_keys_lead_the_hand_and_open_the_jaws(browser: Browser, dissections: Tra
         assert session.reading().peak_stress_ratio < 0.3
 
 
-def test_a_torn_duct_is_told_and_a_reset_makes_all_whole(
+def test_pause_and_colours_and_a_torn_duct_is_told_and_a_reset_makes_all_whole(
     browser: Browser, dissections: Trainer
 ) -> None:
-    with trainer_page(browser, dissections.address) as tab:
-        view = newest_dissection(dissections)
-        session = view.session
-        place = session.grab(0, 25.0)
-        assert place is not None
-        session.move_hand(0, place + np.array([0.0, 0.0, 40.0]))
-        tab.wait_for_phase("torn")
-        at = session.reading().torn_at
-        notice = tab.page.get_by_text(f"It tore {at:.1f} mm from the left clamp", exact=False)
-        expect(notice).to_be_visible()
-        expect(tab.readout).to_contain_text("torn")
-        tab.wait_for_node("first_piece")
-        tab.page.keyboard.press("g")  # nothing can be held now
-        expect(tab.page.get_by_text("A torn duct holds no pull")).to_be_visible()
-        tab.press("Reset (R)")
-        tab.wait_for_phase("intact")
-        expect(notice).to_have_count(0)
-        reading = session.reading()
-        assert (reading.broken, reading.freed, reading.peak_stress_ratio) == (0, 0.0, 0.0)
-        tab.wait_for_node("skin")
-
-
-def test_pause_and_colours(browser: Browser, dissections: Trainer) -> None:
     with trainer_page(browser, dissections.address) as tab:
         view = newest_dissection(dissections)
         tab.page.keyboard.press("p")
@@ -333,11 +310,33 @@ def test_pause_and_colours(browser: Browser, dissections: Trainer) -> None:
         tab.press("Tissue")
         expect(freed).to_have_count(0)
 
+        session = view.session
+        place = session.grab(0, 25.0)
+        assert place is not None
+        session.move_hand(0, place + np.array([0.0, 0.0, 40.0]))
+        tab.wait_for_phase("torn")
+        at = session.reading().torn_at
+        notice = tab.page.get_by_text(f"It tore {at:.1f} mm from the left clamp", exact=False)
+        expect(notice).to_be_visible()
+        expect(tab.readout).to_contain_text("torn")
+        tab.wait_for_node("first_piece")
+        tab.page.keyboard.press("g")  # nothing can be held now
+        expect(tab.page.get_by_text("A torn duct holds no pull")).to_be_visible()
+        tab.press("Reset (R)")
+        tab.wait_for_phase("intact")
+        expect(notice).to_have_count(0)
+        reading = session.reading()
+        assert (reading.broken, reading.freed, reading.peak_stress_ratio) == (0, 0.0, 0.0)
+        tab.wait_for_node("skin")
 
-def test_a_bed_is_chosen_with_its_source_and_its_number(
+
+def test_the_address_says_what_a_page_opens_on_and_a_bed_is_chosen_with_source_and_number(
     browser: Browser, dissections: Trainer
 ) -> None:
-    with trainer_page(browser, dissections.address) as tab:
+    with trainer_page(browser, dissections.address, query="&scene=free") as tab:
+        expect(tab.page.get_by_role("tab", name="Compare")).to_be_visible()
+        newest(dissections)
+        tab.press("A duct in its bed")
         view = newest_dissection(dissections)
         session, firm = view.session, bed_named("firm")
         tab.open("Model")
@@ -392,12 +391,6 @@ def test_the_page_changes_between_dissect_and_pull_and_a_reload_finds_both(
         tab.page.get_by_role("button", name="Swab").first.wait_for()
         tab.wait_until(lambda: tab.figure("parted") == parted)
         assert newest_dissection(dissections).session is session
-
-
-def test_the_address_says_what_a_page_opens_on(browser: Browser, dissections: Trainer) -> None:
-    with trainer_page(browser, dissections.address, query="&scene=free") as tab:
-        expect(tab.page.get_by_role("tab", name="Compare")).to_be_visible()
-        newest(dissections)
 
 
 def test_shift_and_the_right_button_move_into_the_picture_and_a_finger_in_its_plane(
@@ -481,9 +474,18 @@ def test_an_exercise_is_done_judged_measured_and_replayed(
         exercise = next(iter(bed_exercises(session)))
         tab.choose("Exercise", exercise.title)
         tab.choose("Feedback", "Only in the result")
+        view.state.show(colours="stress")
         tab.press("Start")
         expect(page.get_by_test_id("exercise-state")).to_contain_text("first touch")
         expect(page.get_by_test_id("task")).to_contain_text(exercise.caution)
+        # Figures that are hidden are hidden everywhere, and no exercise is left by the way.
+        tab.open("Train")
+        page.locator("[data-testid=readout][data-hidden='1']").wait_for()
+        expect(page.get_by_test_id("heat-legend")).to_have_count(0)
+        tab.wait_until(lambda: not tab.charts())
+        tab.press("A free duct")
+        expect(page.get_by_text("An exercise goes on until it is over")).to_be_visible()
+        assert newest_dissection(dissections) is view
         stop_time(tab, dissections, view)  # it goes by the hands' own ticks
         perform(session, MANNERS[exercise.name]["good"])
         outcome = page.get_by_test_id("outcome")
@@ -714,18 +716,3 @@ def test_the_next_try_is_told_by_what_failed_it_else_by_the_commonest_error_or_t
     # What an earlier try did wrong is no cause of this one's.
     assert next_time(exercise, failed, {}, [[lean], []]) == in_time
     assert "no luck" in next_time(exercise, Outcome(True, "Freed."), {}, [[]])
-
-
-def test_figures_hidden_in_an_exercise_are_hidden(browser: Browser, dissections: Trainer) -> None:
-    with trainer_page(browser, dissections.address) as tab:
-        view = newest_dissection(dissections)
-        (exercise, *_) = bed_exercises(view.session)
-        view.state.show(colours="stress")
-        view.state.start_exercise(exercise, Feedback.SUMMARY)
-        view.state.choose_instrument(1, exercise.instruments[0])
-        tab.page.locator("[data-testid=readout][data-hidden='1']").wait_for()
-        expect(tab.page.get_by_test_id("heat-legend")).to_have_count(0)
-        tab.wait_until(lambda: not tab.charts())
-        tab.press("A free duct")  # an exercise is not left by the way
-        expect(tab.page.get_by_text("An exercise goes on until it is over")).to_be_visible()
-        assert newest_dissection(dissections) is view

@@ -254,13 +254,6 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.wait_until(lambda: aside() < start - 2.0)
 
 
-def test_the_sheet_is_dark_beside_the_duodenum(calot: Trainer, browser: Browser) -> None:
-    with scope_page(browser, calot) as page:
-        beside, far = page.tab.page.evaluate(SHADES)
-        assert beside < 0.7
-        assert far > 0.9
-
-
 @pytest.mark.parametrize(
     "size", [(390, 844), pytest.param((640, 400), marks=pytest.mark.long)],
     ids=["phone", "zoomed to 200 %"],
@@ -626,6 +619,9 @@ def test_what_fat_covered_is_seen_and_lumps_hang_at_its_rim(
             toward = page.camera.axes[:, 2]  # its wall is 1 mm before its axis
             return float(np.median([red(page.at(picture, each + toward)) for each in places]))
 
+        beside, far = page.tab.page.evaluate(SHADES)
+        assert beside < 0.7
+        assert far > 0.9
         before = redness()
         whole, first, second, off = page.tab.page.evaluate(LUMPS)
         assert whole == 0

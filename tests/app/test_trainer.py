@@ -81,6 +81,14 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
 
         tab.eventually(as_computed)
 
+        # The plot follows the pull.
+        wanted = pytest.approx(expected, rel=1e-4)
+        tab.wait_until(lambda: _reached(tab.charts()[0]) == wanted)
+        deflections, theory, _, level, *_ = cast("list[list[float]]", tab.charts()[0])
+        forces = [Cubic().pull(DUCT, 25.4).to_deflection(x).force for x in deflections]
+        assert theory == pytest.approx(forces, abs=2e-3)
+        assert level == pytest.approx([3.558577] * len(level), rel=1e-5)
+
         tab.slide("Force F (N)", 3.7)
         tab.wait_for_phase("torn")
         tab.wait_for_node("first_piece")
@@ -116,6 +124,11 @@ def test_pull_bends_by_what_the_beam_says_tears_past_the_threshold_and_resets(
         tab.wait_for_force(1.0)
 
 
+def _reached(plot: list[list[float | None]]) -> float | None:
+    """The deflection that the pull in a plot has come to, mm."""
+    return [x for x, y in zip(plot[0], plot[2], strict=True) if y is not None][-1]
+
+
 def _gap(first: np.ndarray, second: np.ndarray) -> float:
     """Distance between two pieces along the duct, mm."""
     return float(second[:, 0].min() - first[:, 0].max())
@@ -124,20 +137,6 @@ def _gap(first: np.ndarray, second: np.ndarray) -> float:
 def _drawn_gap(tab: TrainerPage) -> float:
     """That of the pieces as the page draws them."""
     return _gap(tab.vertices("first_piece"), tab.vertices("second_piece"))
-
-
-@pytest.mark.long  # as two pages of another scene
-def test_two_tabs_are_two_ducts(browser: Browser, trainer: Trainer) -> None:
-    with (
-        trainer_page(browser, trainer.address, width=640, height=480) as one,
-        trainer_page(browser, trainer.address, width=640, height=480) as other,
-    ):
-        one.slide("Force F (N)", 2.5)
-        one.wait_for_force(2.5)
-        other.slide("Force F (N)", 1.0)
-        other.wait_for_force(1.0)
-        assert one.figure("force-n") == 2.5
-        assert one.figure("deflection-mm") > other.figure("deflection-mm")
 
 
 def test_grasp_threshold_theory_and_duct_can_be_chosen(browser: Browser, trainer: Trainer) -> None:
@@ -227,39 +226,6 @@ def test_duct_is_seen(drawing_browser: Browser, trainer: Trainer) -> None:
                 tab.wait_until(lambda: (_tissue_row(tab) or np.inf) < heights[0] - 20.0)
             heights.append(_tissue_row(tab) or np.nan)
         assert heights[1] < heights[0] - 20.0  # px, upwards
-
-
-def test_disclaimer_is_seen(browser: Browser, trainer: Trainer) -> None:
-    with trainer_page(browser, trainer.address) as tab:
-        disclaimer = tab.page.get_by_test_id("disclaimer")
-        expect(disclaimer).to_be_visible()
-        expect(disclaimer).to_have_text("Not clinically validated, not a medical device.")
-
-
-def test_plot_follows_the_pull(browser: Browser, trainer: Trainer) -> None:
-    with trainer_page(browser, trainer.address) as tab:
-        tab.slide("Force F (N)", 2.0)
-        tab.wait_for_force(2.0)
-        wanted = pytest.approx(Cubic().pull(DUCT, 25.4).to_force(2.0).deflection, rel=1e-4)
-        tab.wait_until(lambda: _reached(_plot(tab)) == wanted)
-        deflections, theory, _, level, *_ = _plot(tab)
-        assert theory == pytest.approx(
-            [Cubic().pull(DUCT, 25.4).to_deflection(x).force for x in deflections], abs=2e-3
-        )
-        assert level == pytest.approx([3.558577] * len(level), rel=1e-5)
-
-
-def _plot(tab: TrainerPage) -> list[list[float]]:
-    """The rows of the first plot."""
-    return tab.page.evaluate(
-        "() => Object.values(window.__viserTestpoints.uplots)[0].chart.data"
-        ".map(row => Array.from(row, value => Number.isFinite(value) ? value : null))"
-    )
-
-
-def _reached(plot: list[list[float]]) -> float:
-    """The deflection that the pull in a plot has come to, mm."""
-    return [x for x, y in zip(plot[0], plot[2], strict=True) if y is not None][-1]
 
 
 # The process.
@@ -418,9 +384,10 @@ def test_a_page_is_covered_until_its_scene_is_ready(
         page.close()
 
 
-def test_a_page_that_connects_again_is_covered_before_the_trainer_has_said_a_word(
+def test_a_page_that_connects_again_is_covered_and_after_a_restart_is_told_so(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Covered before the trainer has said a word."""
     port = free_port()
     running = Trainer(phantom(), port=port, scene="free", look="plain")
     spoken, prepare = threading.Event(), server.prepare_page
@@ -447,6 +414,11 @@ def test_a_page_that_connects_again_is_covered_before_the_trainer_has_said_a_wor
             running.stop()
             running = Trainer(phantom(), port=port, scene="free", look="plain")
             stays_covered()
+            reported = tab.page.get_by_role("alert").filter(has_text="A new duct")
+            expect(reported).to_contain_text("the trainer was started anew")
+            tab.page.reload()  # its new session is known: nothing to tell
+            tab.wait_for_node("skin")
+            expect(reported).to_have_count(0)
     finally:
         spoken.set()
         running.stop()

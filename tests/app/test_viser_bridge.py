@@ -186,27 +186,27 @@ def test_a_recording_s_page_shows_its_whole_width_in_any_window(browser: Browser
     page.context.close()
 
 
-def test_who_runs_a_script_in_a_page_has_the_scene_and_its_nodes(
+def test_a_page_runs_scripts_says_that_it_is_slow_and_keeps_a_text_of_its_own(
     browser: Browser, trainer: Trainer
 ) -> None:
     with trainer_page(browser, trainer.address, width=640, height=480) as tab:
+        client = newest(trainer).client
         run_in_page(
-            newest(trainer).client.scene,
+            client.scene,
             "window.found = [viewer.scene().isScene, viewer.node('/organ').isObject3D,"
             " viewer.node('/nowhere') === undefined];",
         )
         tab.page.wait_for_function("() => window.found")
         assert tab.page.evaluate("window.found") == [True, True, True]
-
-
-def test_where_viser_says_that_it_draws_in_software_the_remedy_is_named(
-    browser: Browser, trainer: Trainer
-) -> None:
-    with trainer_page(browser, trainer.address, width=640, height=480) as tab:
-        client = newest(trainer).client
+        # Where viser says that it draws in software, the remedy is named.
         watch_pace(client, least=5.0, command=None, remedy="Take the simple picture.")
         notice = tab.page.get_by_text(re.compile("software mode.* Take the simple picture"))
         notice.wait_for()
+        # In a thread of its own: playwright's page answers while this one waits.
+        with ThreadPoolExecutor(1) as pool:
+            tab_keeps(client, "a text")
+            prepare_page(client)  # again, as after a connection that was lost
+            assert pool.submit(kept_by_tab, client).result() == "a text"
 
 
 def test_viser_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
@@ -277,13 +277,3 @@ def test_page_has_what_its_style_and_script_lean_on(
 
         # Icons come in files of their own.
         tab.eventually(nothing_is_missing)
-
-
-def test_a_tab_keeps_a_text_of_its_own(browser: Browser, trainer: Trainer) -> None:
-    with trainer_page(browser, trainer.address, width=640, height=480):
-        client = newest(trainer).client
-        # In a thread of its own: playwright's page answers while this one waits.
-        with ThreadPoolExecutor(1) as pool:
-            tab_keeps(client, "a text")
-            prepare_page(client)  # again, as after a connection that was lost
-            assert pool.submit(kept_by_tab, client).result() == "a text"
