@@ -14,16 +14,18 @@ from benchmarks.faults import (
     Hands,
     Make,
     behind,
-    beside_and_open,
     divide_at_once,
     drag,
     front,
     go,
     goal,
     held_and,
+    hold_again,
     lift,
+    lift_both,
     middle,
     name_all,
+    open_beside,
     opened,
     patient_plough,
     say_unsafe,
@@ -156,28 +158,7 @@ def both_lift(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     hands.choose_instrument(1, "grasper")
     for hand, off in enumerate((-5.0, 5.0)):
         hands.grab(hand, middle(exercise) + off)
-    start = [each.target.copy() for each in hands.duct.hands]
-    for distance in steps(12.0, speed):
-        for hand in range(2):
-            hands.move_hand(hand, start[hand] + np.array([0.0, 0.0, distance]))
-        yield
-
-
-def again_at_front(x: float, y: float, z: float) -> Make:
-    """Hold at the front as one should, and pull somewhere else."""
-
-    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
-        for _ in range(40):
-            at = front(hands, exercise)
-            hands.grab(0, at)
-            for _ in lift(hands, np.array([x, y, z]), speed):
-                yield
-                if at - front(hands, exercise) >= 2.0:
-                    break
-            hands.release(0)
-            yield from wait(0.3)
-
-    return make
+    yield from lift_both(hands, 12.0, speed)
 
 
 def never_lets_go(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
@@ -226,7 +207,7 @@ def hold_for_show(x: float, y: float, z: float, at: float | None = None) -> Make
     def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         hands.grab(0, middle(exercise) if at is None else at)
         yield from lift(hands, np.array([x, y, z]), 5.0)
-        yield from beside_and_open(hands, exercise, speed)
+        yield from open_beside(hands, exercise, speed)
         for aside in (-6.0, 6.0):
             for closed in steps(40.0, 40.0):
                 hands.open_jaws(1, 40.0 - closed)
@@ -391,10 +372,10 @@ CHEATS = (
     Cheat("window", "two dissectors", two_dissectors, (5.0, 9.0)),
     Cheat("window", "small lifts", small_lifts, (5.0, 10.0)),
     Cheat("window", "both hands lift", both_lift, (3.0, 8.0)),
-    Cheat("follow_front", "back over what is free", again_at_front(10.0, 0.0, 9.0), (5.0, 9.0)),
-    Cheat("follow_front", "on over what is fixed", again_at_front(-10.0, 0.0, 9.0), (5.0, 9.0)),
-    Cheat("follow_front", "down", again_at_front(0.0, 0.0, -6.0), (5.0, 9.0)),
-    Cheat("follow_front", "aside", again_at_front(0.0, 12.0, 0.0), (5.0, 9.0)),
+    Cheat("follow_front", "back over what is free", hold_again((10.0, 0.0, 9.0), 40), (5.0, 9.0)),
+    Cheat("follow_front", "on over what is fixed", hold_again((-10.0, 0.0, 9.0), 40), (5.0, 9.0)),
+    Cheat("follow_front", "down", hold_again((0.0, 0.0, -6.0), 40), (5.0, 9.0)),
+    Cheat("follow_front", "aside", hold_again((0.0, 12.0, 0.0), 40), (5.0, 9.0)),
     Cheat("follow_front", "never let go", never_lets_go, (5.0, 9.0)),
     Cheat("follow_front", "waggle", waggle, (3.0, 5.0, 9.0)),
     Cheat("follow_front", "help ahead", helped_ahead, (4.0, 6.0)),

@@ -124,6 +124,15 @@ def lift(hands: Hands, distance: Floats, speed: float, hand: int = 0) -> Iterato
     yield from go(hands, hand, hands.duct.hands[hand].target + distance, speed)
 
 
+def lift_both(hands: Hands, far: float, speed: float) -> Iterator[None]:
+    """Lead both hands up by some mm."""
+    start = [each.target.copy() for each in hands.duct.hands]
+    for distance in steps(far, speed):
+        for hand in range(2):
+            hands.move_hand(hand, start[hand] + np.array([0.0, 0.0, distance]))
+        yield
+
+
 def goal(exercise: Exercise) -> FreeLength:
     """Return the stretch that an exercise asks to free."""
     assert isinstance(exercise.goal, FreeLength)
@@ -281,14 +290,16 @@ def hold_up(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
 # Follow the front
 
 
-def hold_at(off: float) -> Make:
-    """Take hold off the front by some mm, above zero behind it."""
+def hold_again(
+    pull: tuple[float, float, float] = (0.0, 0.0, 9.0), times: int = 12, off: float = 0.0
+) -> Make:
+    """Pull by some mm and take hold again, off the front by some mm, above zero behind it."""
 
     def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
-        for _ in range(12):
+        for _ in range(times):
             at = front(hands, exercise)
             hands.grab(0, at + off)
-            for _ in lift(hands, np.array([0.0, 0.0, 9.0]), speed):
+            for _ in lift(hands, np.array(pull), speed):
                 yield
                 if at - front(hands, exercise) >= 2.0:
                     break
@@ -341,18 +352,14 @@ def two_hooks(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     at = front(hands, exercise)
     hands.grab(0, at)
     hands.grab(1, at - 10.0)
-    start = [each.target.copy() for each in hands.duct.hands]
-    for distance in steps(20.0, speed):
-        for hand in range(2):
-            hands.move_hand(hand, start[hand] + np.array([0.0, 0.0, distance]))
-        yield
+    yield from lift_both(hands, 20.0, speed)
 
 
 # Free a scar
 
 
-def one_handed(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
-    """Open the jaws behind a duct that nothing holds."""
+def open_beside(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Open the jaws behind the duct as it is held, or not, and beside the stretch, not in it."""
     yield from behind(hands, goal(exercise).from_mm - 2.0 * JAW_RADIUS - 1.5)
     yield from opened(hands, 40.0, speed)
     yield from wait(1.0)
@@ -374,13 +381,6 @@ def held_and(act: Make) -> Make:
         yield from act(hands, exercise, speed)
 
     return make
-
-
-def beside_and_open(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
-    """Open the jaws beside the stretch instead of in it."""
-    yield from behind(hands, goal(exercise).from_mm - 2.0 * JAW_RADIUS - 1.5)
-    yield from opened(hands, 40.0, speed)
-    yield from wait(1.0)
 
 
 def drop(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
@@ -572,10 +572,10 @@ FAULTS = (
     fault("window", "pull off", pull_off(), (5.0, 20.0, 40.0), "over_lifted", "fast_pull"),
     fault("window", "pull off aslant", pull_off(0.7), (5.0, 10.0, 20.0), "leaning", "over_lifted"),
     fault("window", "hold up", hold_up, (4.0, 8.0, 12.0), "over_lifted"),
-    fault("follow_front", "10 mm ahead", hold_at(-10.0), (5.0, 8.0, 20.0), "ahead_of_front"),
-    fault("follow_front", "5 mm ahead", hold_at(-5.0), (5.0, 8.0, 20.0), "ahead_of_front"),
-    fault("follow_front", "20 mm ahead", hold_at(-20.0), (5.0, 8.0, 20.0), "ahead_of_front"),
-    fault("follow_front", "5 mm behind", hold_at(5.0), (4.0, 6.0, 8.0), "behind_front"),
+    fault("follow_front", "10 mm ahead", hold_again(off=-10.0), (5.0, 8.0, 20.0), "ahead_of_front"),
+    fault("follow_front", "5 mm ahead", hold_again(off=-5.0), (5.0, 8.0, 20.0), "ahead_of_front"),
+    fault("follow_front", "20 mm ahead", hold_again(off=-20.0), (5.0, 8.0, 20.0), "ahead_of_front"),
+    fault("follow_front", "5 mm behind", hold_again(off=5.0), (4.0, 6.0, 8.0), "behind_front"),
     fault("follow_front", "long pull", long_pull(), (4.0, 6.0, 8.0), "one_go"),
     fault("follow_front", "long pull back", long_pull(back=0.5), (4.0, 6.0, 8.0), *PULLED),
     fault("follow_front", "long pull aside", long_pull(0.8), (4.0, 6.0, 8.0), "leaning"),
@@ -586,10 +586,10 @@ FAULTS = (
     fault("follow_front", "jerk", jerk, (30.0, 40.0, 60.0), "fast_pull"),
     fault("follow_front", "nibble", nibble, (10.0, 15.0, 20.0), "repeated_holds"),
     fault("follow_front", "two hooks", two_hooks, (4.0, 6.0, 10.0), "ahead_of_front"),
-    fault("free_scar", "one-handed", one_handed, (8.0, 14.0, 18.0), "no_traction"),
-    fault("free_scar", "one-handed jump", one_handed, (40.0, 60.0, 240.0), "no_traction"),
+    fault("free_scar", "one-handed", open_beside, (8.0, 14.0, 18.0), "no_traction"),
+    fault("free_scar", "one-handed jump", open_beside, (40.0, 60.0, 240.0), "no_traction"),
     fault("free_scar", "too high", too_high, (4.0, 6.0, 8.0), "over_lifted", "unseen"),
-    fault("free_scar", "jump", held_and(beside_and_open), (30.0, 60.0, 1200.0), "jumping_jaws"),
+    fault("free_scar", "jump", held_and(open_beside), (30.0, 60.0, 1200.0), "jumping_jaws"),
     fault("free_scar", "drop", held_and(drop), (4.0, 8.0, 16.0), "traction_lost"),
     fault("free_scar", "hasty lift", too_high, (30.0, 45.0, 60.0), "fast_pull"),
     fault("free_scar", "stab", held_and(stab), (45.0, 60.0, 95.0), "blind_stab"),
