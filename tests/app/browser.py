@@ -566,6 +566,20 @@ class Drawn:
     parted: int | None  # strands of a bed, as they are streamed
 
 
+@contextmanager
+def playing(path: Path) -> Iterator["PlayerPage"]:
+    """A page that plays by itself: without an error, and it asks for nothing from elsewhere."""
+    errors: list[str] = []
+    requests: list[str] = []
+    with running_browser(drawing=False) as browser:
+        page = new_context(browser, 480, 300).new_page()
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("request", lambda request: requests.append(request.url))
+        yield PlayerPage(page, path)
+    assert not errors, errors
+    assert all(url.startswith(("file:", "data:", "blob:")) for url in requests), requests
+
+
 class PlayerPage:
     """A page that plays by itself."""
 
