@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from http import HTTPStatus
 
 import numpy as np
 import viser
@@ -22,8 +21,7 @@ from app.trainer.stage.lighting import fill_air
 from app.trainer.stage.stage import Stage
 from app.trainer.stage.strands import NUMBERS, PARTED, DrawnStrands, film_pairs
 from app.trainer.stage.tissue import Tissue, send_finish
-from app.trainer.viser_bridge.private_api import start_server, stop_server
-from app.trainer.viser_bridge.recording import recording_page, write_caption
+from app.trainer.viser_bridge.recording import recording_page, unseen_server, write_caption
 from organ_geometry import Organ
 from organ_geometry.mesh import BoundSkin, TornPiece, organ_skin
 
@@ -124,14 +122,8 @@ def player_page(
         )
     bound = skin.bound_to(dissection.driving)
     drawn = "" if pieces is None else f" {DRAWN_NOT_COMPUTED}"
-    # Only the scene is needed, but viser has no scene without a server: nobody gets in.
-    server = start_server(
-        "127.0.0.1", 0, lambda visitor, _: visitor.respond(HTTPStatus.FORBIDDEN, "No page here.\n")
-    )
-    try:
+    with unseen_server() as server:
         return _recorded(server, dissection, motion, bound, pieces, [*notes, f"{UNITS}{drawn}"])
-    finally:
-        stop_server(server)
 
 
 def _recorded(

@@ -1,7 +1,5 @@
 """Pages that play a run at an anatomy as its scope's camera saw it, without a server."""
 
-from http import HTTPStatus
-
 import numpy as np
 
 from app.anatomy import anatomy_network, tube_title
@@ -9,8 +7,7 @@ from app.simulation import TICK_SECONDS, Replay, Session
 from app.trainer.pages.html_player import ASPECT, END_SECONDS, REST_SECONDS
 from app.trainer.scope.drawn_tissue import draw_tissue, picture_of
 from app.trainer.scope.held_scope import HOME, HeldScope
-from app.trainer.viser_bridge.private_api import start_server, stop_server
-from app.trainer.viser_bridge.recording import recording_page, write_caption
+from app.trainer.viser_bridge.recording import recording_page, unseen_server, write_caption
 
 NOTES = (
     "Each tube is a beam, each strand a spring that parts. What tears and bleeds is computed; "
@@ -45,10 +42,7 @@ def scope_page(replay: Replay, *, frames: int) -> str:
     made = anatomy_network(anatomy)
     held = HeldScope(made)
     ticks = np.unique(np.rint(np.linspace(0.0, replay.ticks, frames)).astype(int)).tolist()
-    server = start_server(
-        "127.0.0.1", 0, lambda visitor, _: visitor.respond(HTTPStatus.FORBIDDEN, "No page here.\n")
-    )
-    try:
+    with unseen_server() as server:
         picture = picture_of(server.scene, made, session.spatial, held.scope)
         draw_tissue(picture, session.spatial, held.pose)
         record = server.get_scene_serializer()
@@ -64,8 +58,6 @@ def scope_page(replay: Replay, *, frames: int) -> str:
                 write_caption(server, words)
         record.insert_sleep(END_SECONDS)
         html = record.as_html(dark_mode=True)
-    finally:
-        stop_server(server)
     title = f"Calot's triangle, anatomy {made.anatomy.name}"
     return recording_page(html, title, NOTES, distance=HOME, aspect=ASPECT)
 

@@ -2,14 +2,29 @@
 
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from http import HTTPStatus
 from pathlib import Path
 
 import viser
 
 from app.trainer.viser_bridge.page import file_text, run_in_page
+from app.trainer.viser_bridge.private_api import start_server, stop_server
 
 _HERE = Path(__file__).parent
+
+
+@contextmanager
+def unseen_server() -> Generator[viser.ViserServer]:
+    """Run a server for its scene alone, which viser has not without: nobody gets in."""
+    server = start_server(
+        "127.0.0.1", 0, lambda visitor, _: visitor.respond(HTTPStatus.FORBIDDEN, "No page here.\n")
+    )
+    try:
+        yield server
+    finally:
+        stop_server(server)
 
 
 def write_caption(server: viser.ViserServer, words: str) -> None:
