@@ -1,5 +1,6 @@
 """`bluntdissect class`: a class with its teacher and trainees, and what is kept of it."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -92,14 +93,11 @@ def list_classes() -> None:
     if not paths:
         print('There is no class yet. Make one: bluntdissect class new "Surgery 3A"')
     for path in paths:
-        store = ClassStore(path)
-        try:
+        with closing(ClassStore(path)) as store:
             people, runs = len(store.people()), len(store.runs())
             print(
                 f"{store.title}: {people} people, {runs} runs, since {store.made_at[:10]}: {path}"
             )
-        finally:
-            store.close()
 
 
 @program.command("export")
@@ -115,8 +113,7 @@ def export(
     from app.classroom.results import results, results_csv, results_json
     from organ_geometry import make_folder, write_atomic
 
-    store = _store(title)
-    try:
+    with closing(_store(title)) as store:
         make_folder(folder, f"cannot write {folder}")
         found = results(store)
         write_atomic(folder / "results.csv", results_csv(found))
@@ -129,8 +126,6 @@ def export(
             if run is not None:
                 write_atomic(folder / "runs" / f"{run.id}.json", run.file)
         print(f"{len(found)} runs of {len(store.people())} people are in {folder}.")
-    finally:
-        store.close()
 
 
 @program.command("course")
@@ -162,8 +157,7 @@ def course(
             content = read_bounded(file, 4 * LONGEST_FILE, "course").decode()
         except UnicodeDecodeError:
             raise ValueError(f"{file} is no course: it is not text") from None
-    store = _store(title)
-    try:
+    with closing(_store(title)) as store:
         book = ClassCourse(store)
         if content is not None or off:
             book.choose(content)
@@ -183,8 +177,6 @@ def course(
             asked = "" if each.metric in level.benchmarks else ", not asked for"
             origin = f"{each.origin}{asked}"
             print(f"  benchmark of {each.metric} in {each.level}: {each.value:g} ({origin})")
-    finally:
-        store.close()
 
 
 @program.command("benchmark")
@@ -213,8 +205,7 @@ def benchmark(
 
     if bool(people) == scripted:
         raise ValueError("name people by --expert, or give --scripted")
-    store = _store(title)
-    try:
+    with closing(_store(title)) as store:
         book = ClassCourse(store)
         if book.course is None or store.course is None:
             raise ValueError(f"{store.title} has no course; set one with bluntdissect class course")
@@ -232,8 +223,6 @@ def benchmark(
         book.choose(with_benchmarks(store.course, found))
         for each in found:
             print(f"{each.level}, {each.metric}: {each.value:g} ({each.origin})")
-    finally:
-        store.close()
 
 
 @program.command("xapi")
@@ -255,8 +244,7 @@ def xapi(
 
     if url is not None and off:
         raise ValueError("an address and --off do not go together")
-    store = _store(title)
-    try:
+    with closing(_store(title)) as store:
         if url is not None:
             LearningRecordStore.of(url, version)
             secret = typer.prompt("Secret", hide_input=True)
@@ -270,8 +258,6 @@ def xapi(
             print(f"{store.title} sends its results: {store.learning_record_store}")
         counts = f"{waiting} statements wait, {sent} were sent, {refused} were refused."
         print(f"{counts} {reason}".rstrip())
-    finally:
-        store.close()
 
 
 @program.command("research-export")
@@ -304,8 +290,7 @@ def research_export(
 
     if (ask is None) == (people is None) or (people is None) != (folder is None):
         raise ValueError("give --ask people.csv first; then --people people.csv and -o")
-    store = _store(title)
-    try:
+    with closing(_store(title)) as store:
         if ask is not None:
             write_atomic(ask, consent_list(store))
             print(f"{ask} has the names. Fill in consent (yes or no) and group.")
@@ -316,8 +301,6 @@ def research_export(
             print(f"Left out: {done.left_out} without consent.")
             if done.small:
                 print(f"Not named, as fewer than five people are in them: {', '.join(done.small)}.")
-    finally:
-        store.close()
 
 
 @program.command("evidence")
@@ -352,11 +335,8 @@ def backup(title: Title, file: Annotated[Path, typer.Argument(help="New file.")]
 
     Example: bluntdissect class backup "Surgery 3A" surgery.sqlite
     """
-    store = _store(title)
-    try:
+    with closing(_store(title)) as store:
         store.back_up(file)
-    finally:
-        store.close()
     print(f"{file} has the whole class, and its links: keep it as safe as the class.")
 
 
