@@ -31,8 +31,8 @@ from organ_geometry import (
     LabelTube,
     LabelTubes,
     LabelVolume,
+    found_tubes,
     read_labels,
-    tubes_of_labels,
 )
 from organ_geometry.images.medical_file import MedicalHeader, write_values
 from organ_geometry.mesh import organ_skin
@@ -249,7 +249,7 @@ def held_out(seeds: range, sizes: tuple[float, float, float]) -> HeldOut:
         out.tubes += len(truth)
         out.joins += len(joins)
         try:
-            found = tubes_of_labels(volume, names)
+            found = found_tubes(volume, names).tubes()
         except ImageStackError as error:
             out.refused.append(f"{seed}: {error}")
             continue
@@ -346,7 +346,7 @@ def main() -> None:
     for name in ("labels", "labels_hard"):
         volume = read_labels(ATLAS / f"{name}.nii.gz")
         started = time.process_time()
-        found = tubes_of_labels(volume, atlas_names())
+        found = found_tubes(volume, atlas_names()).tubes()
         seconds = time.process_time() - started
         columns.append(tube_figures(found, volume))
         station = next(

@@ -72,7 +72,6 @@ if TYPE_CHECKING:
     from organ_geometry.tubes.label_tubes import LabelTube as LabelTube
     from organ_geometry.tubes.label_tubes import LabelTubes as LabelTubes
     from organ_geometry.tubes.label_tubes import found_tubes as found_tubes
-    from organ_geometry.tubes.label_tubes import tubes_of_labels as tubes_of_labels
     from organ_geometry.tubes.round_organ import round_organ as round_organ
     from organ_geometry.tubes.tube_joins import TubeJoin as TubeJoin
 else:

@@ -8,7 +8,6 @@ and the two surfaces run into each other. The organ is made of the sections acro
 stages of the organ builder.
 """
 
-import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -138,7 +137,6 @@ class FoundTubes:
         self,
         joins: Sequence[TubeJoin] | None = None,
         without: Collection[str] = (),
-        promise: Promise | None = None,
         *,
         done: Callable[[], object] = lambda: None,
     ) -> LabelTubes:
@@ -150,8 +148,6 @@ class FoundTubes:
             Other joins than those found; of several that make a ring the first are kept.
         without
             Names of tubes that are left out.
-        promise
-            As `tubes_of_labels` has it.
         done
             Called when a tube is made.
 
@@ -174,7 +170,7 @@ class FoundTubes:
         for name in order:
             own = tuple(join for join in wanted if join.tube == name)
             into = tuple(join for join in wanted if join.to == name and join.place != "middle")
-            key = (promise, own, into, *(made[join.to].key for join in own))
+            key = (own, into, *(made[join.to].key for join in own))
             before = self._made.get(name)
             if before is not None and before.key == key:
                 made[name] = before
@@ -192,7 +188,7 @@ class FoundTubes:
                         f"be a tenth off"
                     )
                 cut = (_is_cut(volume, axis.places[0]), _is_cut(volume, axis.places[-1]))
-                built = _organ(volume, led, promise, voxel)
+                built = _organ(volume, led, voxel)
                 tube = LabelTube(name, split.first[axis.voxels.label], led, built, cut)
                 touches = tuple(_touches(axis, foreign, names))
                 made[name] = self._made[name] = _Made(key, led, tube, touches, tuple(doubts))
@@ -219,53 +215,14 @@ def found_tubes(
     *,
     done: Callable[[], object] = lambda: None,
 ) -> FoundTubes:
-    """Return the axes of a volume's tubes and their joins; see `tubes_of_labels`."""
+    """Return the axes of a volume's tubes, named by their labels, and their joins."""
+    # Of labels without a name nothing is taken. A label that is missing, in pieces, too thin or too
+    # short for a tube is named by an `ImageStackError`.
     if not names:
         raise ImageStackError(f"none of the labels of {volume.source} is named as a tube")
     split = split_labels(volume.around(names, _MARGIN), names, done=done)
     joins, nearly = found_joins(split.volume, split.axes)
     return FoundTubes(split, tuple(joins), tuple(nearly))
-
-
-def tubes_of_labels(
-    volume: LabelVolume,
-    names: Mapping[int, str],
-    promise: Promise | None = None,
-    *,
-    progress: Callable[[int, int], None] | None = None,
-) -> LabelTubes:
-    """Return the tubes of a volume of labels, where they join, and an organ of each.
-
-    Parameters
-    ----------
-    volume
-        The labels; of those without a name nothing is taken.
-    names
-        Names of the tubes by their labels.
-    promise
-        How near organs are kept to the walls found: by default 2 % of the radius, 0.08 voxels at
-        least.
-    progress
-        Called with how many steps of how many are done.
-
-    Returns
-    -------
-    LabelTubes
-        In LPS mm.
-
-    Raises
-    ------
-    ImageStackError
-        If a label is missing, in pieces, too thin or too short for a tube; its message names it.
-    """
-    steps, counted = 2 * len(names), itertools.count(1)
-
-    def done() -> None:
-        if progress is not None:
-            # Branches are tubes that nobody has counted.
-            progress(min(next(counted), steps), steps)
-
-    return found_tubes(volume, names, done=done).tubes(promise=promise, done=done)
 
 
 def _placed(join: TubeJoin, led: dict[str, TubeAxis]) -> TubeJoin:
@@ -430,9 +387,7 @@ def _branches(volume: LabelVolume, axis: TubeAxis, voxel: float) -> list[str]:
     ]
 
 
-def _organ(
-    volume: LabelVolume, axis: TubeAxis, promise: Promise | None, voxel: float
-) -> BuiltOrgan:
+def _organ(volume: LabelVolume, axis: TubeAxis, voxel: float) -> BuiltOrgan:
     """Return the organ of a tube's wall, by sections across its axis."""
     count = max(6, round(axis.length / max(_SECTION_FRACTION * axis.radius, 0.25 * voxel)) + 1)
     stations = np.linspace(0.0, axis.length, count)
@@ -479,8 +434,6 @@ def _organ(
         notes=(),
     )
     fitted = fit_organ(stack, traced)
-    if promise is not None:
-        return build_fitted(fitted, promise, name=axis.name)
     overall = max(_OVERALL_FRACTION * axis.radius, _OVERALL_VOXELS * voxel)
     tolerance: float | None = None
     for _ in range(_RAISES):

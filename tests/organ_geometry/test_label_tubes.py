@@ -10,7 +10,7 @@ from drawn_labels import Drawn, drawn_volume, turn_about_z, write
 from numpy.typing import NDArray
 
 from benchmarks.label_tubes import atlas_names, join_gaps, tube_figures
-from organ_geometry import ImageStackError, LabelTubes, LabelVolume, read_labels, tubes_of_labels
+from organ_geometry import ImageStackError, LabelTubes, LabelVolume, found_tubes, read_labels
 from organ_geometry.reslice.curve_frames import rotation_minimising_frames
 from organ_geometry.tubes.tube_wall import fitted_wall
 
@@ -36,6 +36,10 @@ def forked(angle: float) -> dict[int, Drawn]:
         2: Drawn((0.0, 0.0, STATION), side, SIDE_RADIUS),
         3: Drawn((0.0, 0.0, LENGTH), top, SIDE_RADIUS),
     }
+
+
+def tubes_of_labels(volume: LabelVolume, names: dict[int, str]) -> LabelTubes:
+    return found_tubes(volume, names).tubes()
 
 
 def direction(found: LabelTubes, name: str) -> Floats:
