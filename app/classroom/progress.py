@@ -108,7 +108,6 @@ class LevelStanding(msgspec.Struct, frozen=True):
     feedback: Feedback
     mastered_at: datetime | None
     mastered_by: str | None  # the run
-    due_at: datetime | None  # when it is to be tried once more
     last: str  # how the last try ended
 
 
@@ -180,8 +179,7 @@ def _standing(
                     checks.pop(0)
             elif why:
                 missed = True
-    due = checks[0] if checks else None
-    is_due = due is not None and today >= due
+    is_due = bool(checks) and today >= checks[0]
     state: State = "locked"
     if at is not None:
         state = "due" if is_due else "mastered"
@@ -201,7 +199,6 @@ def _standing(
         feedback=level.feedback[min(row, len(level.feedback) - 1)],
         mastered_at=at,
         mastered_by=run,
-        due_at=due,
         last=last,
     )
 

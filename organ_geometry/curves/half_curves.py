@@ -76,13 +76,6 @@ class HalfCurves:
         """Return the boundary as its row of sixteen numbers."""
         return np.concatenate([[self.middle, self.half_width], self.top, self.bottom])
 
-    def outline(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points of the boundary."""
-        # (N,) angles, rad, give (N, 2) points x, y, mm, at u = cos(angle); on the bottom half where
-        # sin(angle) >= 0.
-        angles = np.asarray(angles, dtype=np.float64)
-        return outline_points(np.broadcast_to(self.as_row(), (len(angles), ROW_SIZE)), angles)
-
     def distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distance, mm, of each point to the boundary, its upright ends included."""
         corners = closed_outlines(self.as_row()[np.newaxis])[0]
