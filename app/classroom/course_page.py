@@ -44,7 +44,7 @@ def course_html(store: ClassStore, book: ClassCourse) -> str:
     order = list(reasons)
     return (
         _helped(names, reasons, tries)
-        + _grid(course, names, order, found, tries, wanted)
+        + _grid(course, names, order, found, wanted)
         + _curves(course, names, order, found, tries)
         + _benchmarks(course)
     )
@@ -75,7 +75,6 @@ def _grid(
     names: Mapping[str, str],
     order: Sequence[str],
     found: Mapping[str, Sequence[LevelStanding]],
-    tries: Mapping[str, Sequence[Try]],
     wanted: Mapping[str, str | None],
 ) -> str:
     heads = "".join(f"<th scope='col'>{html.escape(each.title)}</th>" for each in course.level)

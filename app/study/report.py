@@ -382,7 +382,7 @@ def _page(
     ]
     for label, found in list(indices.items())[:MOST_CELLS]:
         title = "What each input explains" + (f", {label}" if label else "")
-        figures.append(_figure(_draw_indices(found, title), title))
+        figures.append(_figure(_draw_indices(found), title))
     rows = "".join(
         f"<tr><td>{html.escape(name)}</td><td>{html.escape(words)}</td>"
         f"<td>{html.escape(_unit(unit_of(name)))}</td></tr>"
@@ -481,7 +481,7 @@ def _draw_curves(name: str, found: list[tuple[str, TearCurve]]) -> "Figure":
     return figure
 
 
-def _draw_indices(found: dict[str, list[Index]], title: str) -> "Figure":
+def _draw_indices(found: dict[str, list[Index]]) -> "Figure":
     shown = {name: rows for name, rows in found.items() if math.isfinite(rows[0].first)}
     inputs = len(next(iter(found.values())))
     figure = _new_figure(1.2 + 0.45 * inputs)

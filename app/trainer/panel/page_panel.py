@@ -51,7 +51,7 @@ class PagePanel:
     ) -> None:
         self._state = state
         self._announced = ""
-        gui = self._gui = state.client.gui
+        gui = state.client.gui
         add_scenes(gui, scene, choose_scene)
         take_arrows(state.client, not state.in_plane)
         self._readout, self._duct = gui.add_html(""), gui.add_html("")

@@ -268,7 +268,8 @@ class ScopePanel:
         self._photograph_view()
         self.exercises.show()
         self.replays.show()
-        words = f"{self._standing(reading)} {self._asked}".strip()
+        torn = f"Torn: {', '.join(self._torn)}." if self._torn else "Nothing is torn."
+        words = f"{torn} {self._asked}".strip()
         if words != self._announced:
             self._announced = words
             announce(state.client, words)
@@ -303,7 +304,7 @@ class ScopePanel:
         set_if_changed(self._goal, content=content)
 
     def _figures(self, reading: Reading) -> str:
-        torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
+        torn = self._torn
         hidden = not self._state.figures_visible
         stress = f"{100.0 * reading.stress_ratio:.0f} % of break"
         if reading.stress_ratio >= NAMED_FROM:
@@ -325,12 +326,7 @@ class ScopePanel:
         if not hidden:
             rows += [("Nicked", each.words(tube_title(names[each.tube]))) for each in reading.nicks]
         if torn:
-            rows.append(
-                (
-                    "<b>Torn</b>",
-                    f"<b>{', '.join(map(tube_title, torn))}</b>",
-                )
-            )
+            rows.append(("<b>Torn</b>", f"<b>{', '.join(torn)}</b>"))
         table = rows_html(
             rows, "padding:1px 10px 1px 0;opacity:.85;white-space:nowrap", "text-align:right"
         )
@@ -394,10 +390,11 @@ class ScopePanel:
             return "as the bar"
         return f"{math.degrees(abs(off)):.0f}° ({'L' if off > 0.0 else 'J'})"
 
-    def _standing(self, reading: Reading) -> str:
-        """Return what a screen reader says of the tissue."""
-        torn = [each.tube for each in self._state.shown.spatial.events if each.kind == "tear"]
-        return f"Torn: {', '.join(map(tube_title, torn))}." if torn else "Nothing is torn."
+    @property
+    def _torn(self) -> list[str]:
+        """Titles of the tubes that are torn."""
+        events = self._state.shown.spatial.events
+        return [tube_title(each.tube) for each in events if each.kind == "tear"]
 
     # Choices
 
