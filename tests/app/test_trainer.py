@@ -231,17 +231,20 @@ def test_duct_is_seen(drawing_browser: Browser, trainer: Trainer) -> None:
 # The process.
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_prints_the_address_that_answers_and_ends_cleanly(number: signal.Signals) -> None:
+def ends(process: subprocess.Popen[str], number: signal.Signals) -> None:
+    """See that a signal ends a trainer without a word."""
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=LONGEST)
+    assert (process.returncode, errors) == (0, "")
+
+
+def test_prints_the_address_that_answers_and_ends_cleanly() -> None:
     with started("--port", 0, "--look", "plain") as (process, address):
         assert address.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(address, timeout=LONGEST) as answer:
             assert answer.status == 200
             assert b"<html" in answer.read().lower()
-        process.send_signal(number)
-        _, errors = process.communicate(timeout=LONGEST)
-        assert process.returncode == 0
-        assert errors == ""
+        ends(process, signal.SIGTERM)
 
 
 BUSY_WARMING = f"""
@@ -260,9 +263,7 @@ warm_up.stage_files = busy
 def test_ends_cleanly_while_its_warming_is_in_compiled_code() -> None:
     """Python would abort ("terminate called without an active exception") at its own end."""
     with started("--port", 0, "--look", "plain", entry=BUSY_WARMING) as (process, _):
-        process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=LONGEST)
-        assert (process.returncode, errors) == (0, "")
+        ends(process, signal.SIGTERM)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -293,9 +294,7 @@ def test_tabs_that_close_while_they_are_drawn_are_no_fault(browser: Browser) -> 
         for _ in range(3):
             with trainer_page(browser, address, width=640, height=480) as tab:
                 tab.slide("Force F (N)", 3.0)  # and gone, while the duct still moves
-        process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=LONGEST)
-        assert errors == ""
+        ends(process, signal.SIGTERM)
 
 
 def test_one_camera_callback_whatever_the_duct(
@@ -320,17 +319,20 @@ def test_one_camera_callback_whatever_the_duct(
         assert len(callbacks) == 1
 
 
-def test_serves_the_port_it_is_told_and_says_when_it_is_taken(tmp_path: Path) -> None:
+def test_serves_the_port_it_is_told_says_when_it_is_taken_and_ends_by_an_interrupt(
+    tmp_path: Path,
+) -> None:
     organ = tmp_path / "duct.organ"
     write_organ(phantom(), organ)
     port = free_port()
-    with started("--port", port, "--organ", organ, "--look", "plain") as (_, address):
+    with started("--port", port, "--organ", organ, "--look", "plain") as (process, address):
         assert address == f"http://127.0.0.1:{port}"
         line = refused(("trainer", "--port", port, "--organ", organ))
         assert str(port) in line
         assert "in use" in line
         with urllib.request.urlopen(address, timeout=LONGEST) as answer:  # undisturbed
             assert answer.status == 200
+        ends(process, signal.SIGINT)
 
 
 @pytest.mark.parametrize(
