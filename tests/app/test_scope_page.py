@@ -305,8 +305,10 @@ def test_the_panel_at_an_anatomy_is_for_everyone(
         page.mouse.up()
 
 
-def test_show_me_plays_the_recorded_critical_view(calot: Trainer, browser: Browser) -> None:
-    """It begins at its start, and not once its seven minutes have been computed."""
+def test_show_me_plays_the_recorded_critical_view_and_a_try_goes_on_in_a_page_loaded_anew(
+    calot: Trainer, browser: Browser
+) -> None:
+    """The former begins at its start, and not once its seven minutes have been computed."""
     with scope_page(browser, calot) as page:
         tab, view = page.tab, page.view
         tab.open("Learn")
@@ -326,14 +328,8 @@ def test_show_me_plays_the_recorded_critical_view(calot: Trainer, browser: Brows
         assert playback.session.spatial.hands[1].instrument == "right angle"
         tab.press("Leave the replay")
         tab.wait_until(lambda: view.state.playback is None)
-
-
-def test_a_try_goes_on_in_a_page_that_is_loaded_anew(calot: Trainer, browser: Browser) -> None:
-    """With the hand that was led and the picture that was chosen, and it says so."""
-    with scope_page(browser, calot) as page:
-        tab, view = page.tab, page.view
-        tab.open("Learn")
-        tab.choose("Exercise", "Critical view")
+        # A try goes on in a page that is loaded anew, with the hand that was led and the picture
+        # that was chosen, and it says so.
         tab.press("Start")
         tab.wait_until(lambda: view.state.in_exercise)
         assert view.state.hand == 1
