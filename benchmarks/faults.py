@@ -650,7 +650,7 @@ FAULTS = (
         tear_off("gallbladder", 5.0),
         (2.0, 4.0, 8.0),
         "hold_slipped",
-        at=(25, 27, 30),
+        at=(29, 30, 32),
         walls="human-ureter",
     ),
     fault(

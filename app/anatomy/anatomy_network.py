@@ -26,6 +26,9 @@ LAGGED = -math.inf
 UP = (0.0, 0.0, 1.0)
 # Part of a tube's length within which a place along it is one of its ends.
 AT_END = 1e-2
+# From and to which part of its length a strand is looked at: its ends lie on walls. And mm between
+# the places of a tube's axis.
+ALONG_STRAND, STATION_MM = (0.1, 0.9), 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +66,9 @@ class AnatomyNetwork:
         return self.network.tubes[tube.name].radius - float(tube.wall_mm)
 
 
-def anatomy_network(anatomy: Anatomy, *, touching: bool = True) -> AnatomyNetwork:
+def anatomy_network(
+    anatomy: Anatomy, *, touching: bool = True, clear: bool = True
+) -> AnatomyNetwork:
     """Return the network that stands for an anatomy.
 
     Parameters
@@ -72,6 +77,8 @@ def anatomy_network(anatomy: Anatomy, *, touching: bool = True) -> AnatomyNetwor
         Of a file that was read, or drawn: its tubes meet where they join.
     touching
         Whether its tubes touch each other; else they pass through one another.
+    clear
+        Whether there is no strand that would lead through a tube that it does not hold.
 
     Returns
     -------
@@ -117,11 +124,28 @@ def anatomy_network(anatomy: Anatomy, *, touching: bool = True) -> AnatomyNetwor
         except ValueError as error:
             message = f"layer of {layer.tube!r} to {layer.to!r}: {error}"
             raise TableError(message, "layer", number) from None
+        if clear:
+            made = made.some(np.flatnonzero(~_led_through(made, tubes)))
         strands.append(made)
         layers += [number] * made.count
     return AnatomyNetwork(
         anatomy, network, Strands.joined(strands), tuple(floor), np.array(layers, dtype=np.int64)
     )
+
+
+def _led_through(strands: Strands, tubes: dict[str, SpaceBeam]) -> NDArray[np.bool_]:
+    """Return which strands, (S,), would lead through a tube that they do not hold."""
+    out = np.zeros(strands.count, dtype=np.bool_)
+    for number, beam in enumerate(tubes.values()):
+        others = np.flatnonzero((strands.tubes != number) & (strands.to != number))
+        path = (strands.feet - strands.ends)[others, np.newaxis]
+        stations: Floats = np.linspace(0.0, beam.span, 1 + math.ceil(beam.span / STATION_MM))
+        axis, radius = beam.places_at(stations)[0], np.interp(stations, beam.stations, beam.radius)
+        off = axis - strands.ends[others, np.newaxis]  # (S, n, 3)
+        part = (off * path).sum(axis=2) / (path**2).sum(axis=2)
+        off -= np.clip(part, *ALONG_STRAND)[:, :, np.newaxis] * path
+        out[others] |= ((off**2).sum(axis=2) < radius**2).any(axis=1)
+    return out
 
 
 def _at(join: JoinTable, to: SpaceBeam) -> float:

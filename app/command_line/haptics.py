@@ -216,6 +216,8 @@ def _serve(address: str, hand: Path | None) -> None:
 
 def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     """Make a run again and say whether its forces are the same to the bit."""
+    import dataclasses
+
     from msgspec.structs import replace
 
     from app.anatomy import anatomy_named
@@ -228,7 +230,9 @@ def _replay(file: Path, organ: Path | None, *, as_json: bool) -> None:
     run = read_device_run(content)
     tissue = None if run.organ_sha256 is None else organ_from(organ)
     if run.anatomy is not None:
-        specimen = Specimen.of_anatomy(anatomy_named(run.anatomy))
+        specimen = dataclasses.replace(
+            Specimen.of_anatomy(anatomy_named(run.anatomy)), clear_strands=run.clear_strands
+        )
     else:
         preset = with_law(chosen_preset(run.preset), run.theory.law, run.theory.stiffening)
         specimen = Specimen.of_sections(

@@ -50,6 +50,7 @@ class DeviceRun(Struct, frozen=True, forbid_unknown_fields=True):
     anatomy: str | Anatomy | None = None  # of several tubes, the name of one that ships, or whole
     tube: str | None = None  # of them, which was felt
     tear_mm_per_s: float | None = None  # how fast a tear crosses the wall; at once when None
+    clear_strands: bool = False  # of tubes that they do not hold; older runs' led through some
     joint_faces: bool = False  # of the shipped anatomies; older runs name their first edition
     format: str = FORMAT
     version: int = VERSION

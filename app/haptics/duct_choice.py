@@ -153,6 +153,7 @@ class DuctChoice:
             anatomy=None if anatomy is None else anatomy_or_name(anatomy),
             tube=self.tube,
             tear_mm_per_s=specimen.preset.tear_mm_per_s,
+            clear_strands=anatomy is not None and specimen.clear_strands,
             joint_faces=anatomy is not None,
         )
 

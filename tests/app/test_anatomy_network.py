@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from app.anatomy import Anatomy, anatomy_network, drawn_anatomy, read_anatomy, shipped_anatomies
+from physics.bed import Strands
 from physics.bed import kernels as k
 
 SHIPPED = shipped_anatomies()
@@ -76,6 +77,39 @@ def test_strands_between_tubes_hold_both_walls_and_are_the_same_again() -> None:
             assert direction @ across > 0.95 * np.sqrt((direction @ direction) * (across @ across))
 
 
+@pytest.mark.parametrize(
+    "anatomy",
+    [*map(read_anatomy, SHIPPED.values()), *map(drawn_anatomy, range(1, 9))],
+    ids=lambda each: f"{each.name} {each.seed}",
+)
+def test_no_strand_leads_through_a_tube_that_it_does_not_hold(anatomy: Anatomy) -> None:
+    """By the distance of places along it; all that older runs had besides leads through one."""
+    made, whole = anatomy_network(anatomy), anatomy_network(anatomy, clear=False)
+    axes = [
+        beam.places_at(np.linspace(0.0, beam.span, 200))[0] for beam in made.network.tubes.values()
+    ]
+
+    def is_inside(at: int, strands: Strands, slack: float) -> bool:
+        """Return whether a strand leads through another tube, by so many mm."""
+        parts = np.linspace(0.1, 0.9, 41)[:, None]
+        path = strands.ends[at] + parts * (strands.feet[at] - strands.ends[at])
+        for number, beam in enumerate(made.network.tubes.values()):
+            if number in (strands.tubes[at], strands.to[at]):
+                continue
+            far = np.sqrt(((axes[number] - path[:, None]) ** 2).sum(axis=2))
+            stations = np.linspace(0.0, beam.span, 200)
+            if (far < np.interp(stations, beam.stations, beam.radius) - slack).any():
+                return True
+        return False
+
+    assert not any(is_inside(each, made.strands, 0.1) for each in range(made.strands.count))
+    kept = {each.tobytes() for each in np.hstack([made.strands.ends, made.strands.feet])}
+    rows = np.hstack([whole.strands.ends, whole.strands.feet])
+    left_out = [number for number, each in enumerate(rows) if each.tobytes() not in kept]
+    assert len(left_out) == whole.strands.count - made.strands.count
+    assert all(is_inside(each, whole.strands, -0.05) for each in left_out)
+
+
 def test_a_torn_cystic_artery_bleeds_until_it_is_clipped() -> None:
     made = anatomy_network(read_anatomy(SHIPPED["normal"]))
     bed = made.on_bed()
@@ -102,7 +136,7 @@ def test_a_gallbladder_that_is_pulled_frees_its_tissue_and_its_energy_balances()
         bed.lead(node, bed.rest_place(node) + np.array([0.0, 0.0, 0.02 * step]))
         bed.tick(2.5e-3)
     balance = bed.energy
-    assert bed.broken > 40
+    assert bed.broken > 25
     assert bed.freed_of("gallbladder") > bed.freed_of("rha")
     assert abs(balance.residual) < 1e-4 * balance.work
     slow = made.on_bed()

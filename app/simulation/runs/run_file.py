@@ -98,6 +98,7 @@ class RunStart(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     # name of a shipped anatomy, or another in full: its tubes, of which the preset is the first's
     anatomy: str | Anatomy | None = None
     tubes_touch: bool = False  # each other; older runs' passed through one another
+    clear_strands: bool = False  # of tubes that they do not hold; older runs' led through some
     joint_faces: bool = False  # of the shipped anatomies; older runs name their first edition
     # how strands and walls relax; not at all when None
     strand_relaxation: Prony | None = None

@@ -623,6 +623,7 @@ class Session:
                     Specimen.of_anatomy(whole),
                     relaxation=relaxation,
                     tubes_touch=start.tubes_touch,
+                    clear_strands=start.clear_strands,
                 )
             else:
                 specimen = Specimen(

@@ -42,6 +42,7 @@ class Specimen:
     relaxation: bool | tuple[Relaxation | None, Relaxation | None] = False
     anatomy: Anatomy | None = None  # of several tubes, of which preset and organ are the first's
     tubes_touch: bool = True  # whether these touch each other
+    clear_strands: bool = True  # whether no strand leads through one that it does not hold
 
     def __post_init__(self) -> None:
         if self.anatomy is not None and (self.bed is not None or self.theory is not None):
@@ -99,7 +100,7 @@ class Specimen:
     @cached_property
     def _anatomy_tubes(self) -> Tubes:
         assert self.anatomy is not None  # noqa: S101 (the caller has looked)
-        return Tubes.of_anatomy(self.anatomy, touching=self.tubes_touch)
+        return Tubes.of_anatomy(self.anatomy, touching=self.tubes_touch, clear=self.clear_strands)
 
     @cached_property
     def dissection(self) -> Dissection:

@@ -96,9 +96,10 @@ class Tubes:
         )
 
     @classmethod
-    def of_anatomy(cls, anatomy: Anatomy, *, touching: bool = True) -> "Tubes":
+    def of_anatomy(cls, anatomy: Anatomy, *, touching: bool = True, clear: bool = True) -> "Tubes":
         """Return the tubes of an anatomy, whose frame is the beams'; whether they touch."""
-        made, lines = anatomy_network(anatomy, touching=touching), tube_lines(anatomy)
+        made = anatomy_network(anatomy, touching=touching, clear=clear)
+        lines = tube_lines(anatomy)
         return cls(
             made.network,
             made.strands,

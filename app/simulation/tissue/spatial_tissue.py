@@ -1113,6 +1113,7 @@ class SpatialTissue:
             wall_relaxation=Prony.of(self._relaxing[1]),
             tear_mm_per_s=preset.tear_mm_per_s,
             tubes_touch=self.specimen.anatomy is not None and self.specimen.tubes_touch,
+            clear_strands=anatomy is not None and self.specimen.clear_strands,
             joint_faces=anatomy is not None,
         )
 
