@@ -215,9 +215,27 @@ def found_tubes(
     *,
     done: Callable[[], object] = lambda: None,
 ) -> FoundTubes:
-    """Return the axes of a volume's tubes, named by their labels, and their joins."""
-    # Of labels without a name nothing is taken. A label that is missing, in pieces, too thin or too
-    # short for a tube is named by an `ImageStackError`.
+    """Return the axes of a volume's tubes, and where they join.
+
+    Parameters
+    ----------
+    volume
+        The labels; of those without a name nothing is taken.
+    names
+        Names of the tubes by their labels.
+    done
+        Called when a tube is found.
+
+    Returns
+    -------
+    FoundTubes
+        In LPS mm.
+
+    Raises
+    ------
+    ImageStackError
+        If a label is missing, in pieces, too thin or too short for a tube; its message names it.
+    """
     if not names:
         raise ImageStackError(f"none of the labels of {volume.source} is named as a tube")
     split = split_labels(volume.around(names, _MARGIN), names, done=done)
