@@ -467,7 +467,7 @@ def divide_at_once(tube: str) -> Make:
 
     def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         yield from close_on(hands, "scissors", tube, 10.0, speed)
-        hands.divide(1)
+        hands.cut(1)
         yield from wait(1.0)
 
     return make

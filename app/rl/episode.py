@@ -169,7 +169,7 @@ class Episode:
         return None
 
     def _use(self, hand: int, *, used: bool) -> None:
-        """Clip or divide as a hand begins to use its instrument, and suck while it does."""
+        """Clip or cut as a hand begins to use its instrument, and suck while it does."""
         session, before = self.session, self._used[hand]
         if used == before:
             return
@@ -177,7 +177,7 @@ class Episode:
         session.suck(hand, MOST_SUCTION if used else 0.0)
         if used:
             session.clip(hand)
-            session.divide(hand)
+            session.cut(hand)
 
     def judge(self) -> float:
         """Set whether the episode is over, and the terms of the step's reward; return their sum."""

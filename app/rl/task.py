@@ -139,7 +139,7 @@ ACTIONS = (
     Number("z", "of the speed", -1.0, 1.0, "velocity away from the bed"),
     Number("jaws", "of the speed", -1.0, 1.0, "rate at which a dissector opens"),
     Number("grip", "", -1.0, 1.0, "above 0: hold the duct, if the tip is within 4 mm of its axis"),
-    Number("use", "", -1.0, 1.0, "as it rises above 0: clip, divide; while above 0: suck"),
+    Number("use", "", -1.0, 1.0, "as it rises above 0: clip, cut; while above 0: suck"),
     Number("instrument", "", -1.0, 1.0, "a part each of those that may be taken, in order"),
 )
 """What a policy sends for each hand: `use` at anatomies only, the last one only where instruments

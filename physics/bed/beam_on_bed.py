@@ -229,9 +229,10 @@ class BeamOnBed(Readings):
         self.detach((at >= from_mm) & (at <= to_mm) & (self.strands.tubes == number))
 
     def detach(self, which: NDArray[np.bool_]) -> None:
-        """Part some of the (S,) strands beforehand, with no work; all is at rest."""
+        """Part some of the (S,) strands at once, with no work; what they store is released."""
+        self._account()
         self.state.damage[which[self.order]] = 1.0
-        self.state.sums[kernels.AHEAD] = 0.0
+        self.state.sums[kernels.SNAP] -= self._changed()
 
     def tear(self, station: float, tube: str | None = None) -> int:
         """Take all stiffness from a tube's element at a station; return its number, from 0."""

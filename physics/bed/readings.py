@@ -122,6 +122,14 @@ class Readings:
                     each[-end] = times(each[-end], rest.turn[element, end])
         return x, q, rest_x, rest_q
 
+    def section_side(
+        self, station: float, direction: Floats, tube: str | None = None
+    ) -> tuple[float, float]:
+        """Return a direction, (3,), in the section of a tube at a station, mm: up, and along y."""
+        q = self.shape_of(tube)[1][np.abs(self.stations_of(tube) - station).argmin()]
+        turned = times(times(q * [1.0, -1.0, -1.0, -1.0], np.array([0.0, *direction])), q)
+        return float(turned[3]), float(turned[2])
+
     @property
     def places(self) -> Floats:
         """(N, 3) where the nodes are, mm; a view that the next step changes."""
@@ -215,11 +223,22 @@ class Readings:
         out[on_tubes] = s.x[others[at[on_tubes]]] + arms
         return out
 
+    def sides_of(self, rod: int) -> NDArray[np.int8]:
+        """(S,) on which side each strand goes round a rod, or did when it parted, 0 if on neither.
+
+        Returns
+        -------
+        NDArray[np.int8]
+            1 where u . (a x b) > 0 as they met, of the rod's direction u, and a and b from its axis
+            to the strand's end and foot; -1 on the other side.
+        """
+        sides, out = self.state.side[rod], np.zeros(self.strands.count, dtype=np.int8)
+        out[self.order] = np.where(np.abs(sides) == 1, sides, 0)
+        return out
+
     def touched_by(self, rod: int) -> NDArray[np.bool_]:
         """(S,) whether each strand touches a rod, or did so when it parted."""
-        out = np.empty(self.strands.count, dtype=np.bool_)
-        out[self.order] = np.abs(self.state.side[rod]) == 1
-        return out
+        return self.sides_of(rod) != 0
 
     def hand_force(self, node: int) -> Floats:
         """(3,) force of the hand on a node, N."""

@@ -19,7 +19,7 @@ Instrument = Literal[
 ]
 """A hook and a grasper hold the duct; a grasper stays where it is left. A dissector's two jaws and
 a swab part strands without holding it, a right angle's thin jaws those behind a tube. Clips close a
-tube, scissors divide it, suction takes up what has been lost."""
+tube, scissors cut what lies between them, suction takes up what has been lost."""
 ALL_INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
 INSTRUMENTS: tuple[Instrument, ...] = ("hook", "grasper", "dissector", "swab")
 """Those for a duct in which nothing flows."""
@@ -32,12 +32,15 @@ STRUCTURES: tuple[Structure, ...] = get_args(Structure)
 InputKind = Literal[
     "instrument", "grab", "move", "open", "release", "lift", "force", "grasp", "threshold",
     "theory", "aim", "spread", "clip", "divide", "suck", "view", "wipe", "mark", "unsafe",
+    "cut",
 ]  # fmt: skip
 KINDS: tuple[InputKind, ...] = get_args(InputKind)
 NUMBER_OF = {kind: number for number, kind in enumerate(KINDS)}
 REPLACED: frozenset[InputKind] = frozenset({"move", "open", "lift", "threshold", "suck", "view"})
 """Of these only the last between two ticks has an effect: it replaces the one before."""
-WITHOUT_VALUE: frozenset[InputKind] = frozenset({"release", "clip", "divide", "wipe", "unsafe"})
+WITHOUT_VALUE: frozenset[InputKind] = frozenset(
+    {"release", "clip", "divide", "wipe", "unsafe", "cut"}
+)
 VECTORS: frozenset[InputKind] = frozenset({"move", "aim", "spread"})
 """Kinds whose value is nothing, and three numbers."""
 SCOPE_NUMBERS = 12
@@ -86,12 +89,12 @@ class Input(msgspec.Struct, frozen=True, array_like=True):
     "lift": deflection of the place that is held, mm; "force": N along the pull;
     "grasp": station at which force or deflection act, mm; "threshold": MPa; "theory": a choice;
     "aim": (3,) direction from the tip back along the shaft; "spread": (3,) direction in which jaws
-    part; "clip", "divide": None; "wipe": None, of the scope's lens; "suck": ml/s; "view",
-    whichever the hand: (3,) unit direction towards the viewer, where it is known (3,) mm of the
-    camera's place, and through a scope its six numbers: pan, tilt, depth, cable, head and the
-    optical axis's angle, rad and mm; then how far its horizon is turned, rad; "mark": the number of
-    the structure, of the tube that is taken for it, and the station on it, mm; "unsafe": None, that
-    it is not yet safe to tell.
+    part; "clip", "cut" and, by which older runs divide tubes and cut no strand, "divide": None;
+    "wipe": None, of the scope's lens; "suck": ml/s; "view", whichever the hand: (3,) unit direction
+    towards the viewer, where it is known (3,) mm of the camera's place, and through a scope its six
+    numbers: pan, tilt, depth, cable, head and the optical axis's angle, rad and mm; then how far
+    its horizon is turned, rad; "mark": the number of the structure, of the tube that is taken for
+    it, and the station on it, mm; "unsafe": None, that it is not yet safe to tell.
     """
 
     tick: int  # number of ticks done before it

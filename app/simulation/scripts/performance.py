@@ -269,7 +269,7 @@ class _Hands:
             tube = self.tissue.tubes.names.index(step.tube or "")
             done = session.mark(step.structure, tube, float(step.at_mm or 0.0))
         elif step.do == "divide":
-            done = session.divide(hand)
+            done = session.cut(hand)
         elif step.do == "wait":
             self._go(round(float(step.seconds or 0.0) / TICK_SECONDS), step)
         elif step.do == "open":

@@ -244,9 +244,9 @@ class Session:
         """Clip the tubes between a clip applier's jaws; return whether there was one."""
         return self._act(hand, "clip") is not None
 
-    def divide(self, hand: int) -> bool:
-        """Divide the tubes between scissors' blades; return whether there was one."""
-        return self._act(hand, "divide") is not None
+    def cut(self, hand: int) -> bool:
+        """Cut what is between scissors' blades; return whether anything was."""
+        return self._act(hand, "cut") is not None
 
     def mark(self, structure: Structure, tube: int, station: float) -> bool:
         """Take a tube for a structure, mm from its first end; return whether there is one."""

@@ -49,6 +49,15 @@ def nearest_wall(beam: BeamOnBed, tip: Floats, only: str | None = None) -> tuple
     return best, *found
 
 
+def fine_axis(beam: BeamOnBed, name: str) -> tuple[Floats, Floats]:
+    """Return stations along a tube, (n,) mm, and where its axis is there, (n, 3) mm."""
+    # Elements in fifths: an axis between two nodes is nearly straight.
+    stations = beam.stations_of(name)
+    fifths = stations[:-1] + np.arange(5)[:, None] / 5.0 * np.diff(stations)
+    fine = np.append(np.sort(fifths.ravel()), stations[-1])
+    return fine, beam.places_at(fine, name)
+
+
 def wall_gap(
     beam: BeamOnBed,
     name: str,

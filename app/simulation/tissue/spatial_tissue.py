@@ -45,6 +45,7 @@ from app.simulation.specimen.preset import OrganBeam
 from app.simulation.specimen.specimen import Specimen
 from app.simulation.specimen.structures import entering_tubes, front_strands, named_structures
 from app.simulation.specimen.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
+from app.simulation.tissue.blades import Between, Blades
 from app.simulation.tissue.instruments import (
     ALONG,
     CLIP_OPENING,
@@ -63,7 +64,7 @@ from app.simulation.tissue.instruments import (
     jaw_offset,
 )
 from app.simulation.tissue.lens import Lens
-from app.simulation.tissue.reached_tube import jaws_on_wall
+from app.simulation.tissue.reached_tube import fine_axis, jaws_on_wall
 from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.tissue.sight import STEADY, STEADY_MM, TOWARDS_VIEWER
 from kernel_cache import SameTypes, kernel
@@ -359,7 +360,7 @@ class SpatialTissue:
             return self._look_from(values)
         if kind in ("aim", "spread"):
             return self._turn(hand, kind, values, begin)
-        if kind in ("clip", "divide"):
+        if kind in ("clip", "divide", "cut"):
             return (kind, ()) if self._close(hand, kind) else None
         if kind == "wipe":
             return ("wipe", ()) if self.lens.wipe() else None
@@ -493,11 +494,7 @@ class SpatialTissue:
         beam, half = self.beam, 0.5 * opening
         out: list[tuple[int, float]] = []
         for tube, (name, rest) in enumerate(self.tubes.network.tubes.items()):
-            stations = beam.stations_of(name)
-            # Elements in fifths: an axis between two nodes is nearly straight.
-            fifths = stations[:-1] + np.arange(5)[:, None] / 5.0 * np.diff(stations)
-            fine = np.append(np.sort(fifths.ravel()), stations[-1])
-            line = beam.places_at(fine, name)
+            fine, line = fine_axis(beam, name)
             offset = line - tip
             deep = (offset * aim).sum(axis=1)
             off = np.sqrt(((offset - deep[:, None] * aim) ** 2).sum(axis=1))
@@ -508,31 +505,68 @@ class SpatialTissue:
         return out
 
     def _close(self, hand: int, kind: InputKind) -> bool:
-        """Clip or divide what is between a hand's jaws; return whether anything was."""
+        """Clip or cut what is between a hand's jaws; return whether anything was."""
         holder, found = self.hands[hand], False
         if holder.instrument != ("clip applier" if kind == "clip" else "scissors"):
             return False
-        for tube, at in self.between_jaws(holder.place, np.array(holder.aim), holder.opening):
-            name = self.tubes.names[tube]
-            station = at / self.tubes.surfaces[tube].scale
-            if kind == "clip":
-                for flow in self.fluids.values():
-                    if name in flow.tubes:
-                        flow.clip(at, name)
-                self._note("clip", tube, station, hand)
-            else:
-                element = self.beam.element_at(at, name)
-                if self.beam.state.stiff[self.beam.elements_of(name)][element, 0] == 0.0:
-                    continue
-                self.beam.tear(at, name)
-                if self.torn_elements[tube] < 0:
-                    self.torn_elements[tube] = element
-                self._note("division", tube, station, hand)
-            found = True
+        if kind == "cut":
+            found = self._cut(hand)
+        else:
+            close = self._clip if kind == "clip" else self._divide
+            for tube, at in self.between_jaws(holder.place, np.array(holder.aim), holder.opening):
+                found |= close(tube, at, hand)
         if found:
             self._still = False
             self._forget_reading()
         return found
+
+    def blades(self, hand: int) -> Blades:
+        """Return the blades of a hand that has scissors."""
+        holder = self.hands[hand]
+        aim, spread = np.array(holder.aim), np.array(holder.spread)
+        return Blades(holder.place, aim, spread, holder.opening)
+
+    def _clip(self, tube: int, at: float, hand: int) -> bool:
+        name = self.tubes.names[tube]
+        for flow in self.fluids.values():
+            if name in flow.tubes:
+                flow.clip(at, name)
+        self._note("clip", tube, at / self.tubes.surfaces[tube].scale, hand)
+        return True
+
+    def _divide(self, tube: int, at: float, hand: int) -> bool:
+        """Divide a tube, mm from its beam's first end; return False where it is divided already."""
+        name = self.tubes.names[tube]
+        element = self.beam.element_at(at, name)
+        if self.beam.state.stiff[self.beam.elements_of(name)][element, 0] == 0.0:
+            return False
+        self.beam.tear(at, name)
+        if self.torn_elements[tube] < 0:
+            self.torn_elements[tube] = element
+        self._note("division", tube, at / self.tubes.surfaces[tube].scale, hand)
+        return True
+
+    def _cut(self, hand: int) -> bool:
+        """Cut what is between scissors' blades: strands, and tubes through or as far as it goes."""
+        beam, blades = self.beam, self.blades(hand)
+        strands = blades.strands(beam, self.rods_of(hand)) & (beam.damage < 1.0)
+        found = bool(strands.any())
+        if found:
+            beam.detach(strands)
+        for each in blades.tubes(beam):
+            found |= self._cut_tube(each, hand)
+        return found
+
+    def _cut_tube(self, found: Between, hand: int) -> bool:
+        """Divide a tube, or cut its wall in part; return False where it is divided already."""
+        tube, at = found.tube, found.station
+        if not found.whole:
+            up, across = self.beam.section_side(at, found.side, self.tubes.names[tube])
+            where, deeper = WorstStress(at, 0.0, up, -across), found.depth * found.width
+            # A new one begins with a depth of its own, from which the cut goes on.
+            if self._nick(tube, where, hand, 0.0) and self._nick(tube, where, hand, deeper):
+                return True
+        return self._divide(tube, at, hand)
 
     def sucks(self, hand: int) -> bool:
         """Return whether a hand's suction is on."""
@@ -824,7 +858,8 @@ class SpatialTissue:
             worst = worsts[tube]
             check = surfaces[tube].check_of(worst, strengths[tube])
             hand = self._hand_at(tube, worst.station)
-            if self._nick(tube, worst, check.station, hand):
+            speed = self.tubes.tear_speeds.get(name, math.inf)
+            if self._nick(tube, worst, hand, speed * TICK_SECONDS):
                 continue
             self.tears[tube], self.nicked[tube] = check, 1.0
             self.torn_elements[tube] = beam.tear(worst.station, name)
@@ -834,18 +869,17 @@ class SpatialTissue:
                 if holder.tube == tube:
                     self.release(number)
 
-    def _nick(self, tube: int, worst: WorstStress, station: float, hand: int | None) -> bool:
-        """Let a tear go on for a tick; return False where it is through."""
+    def _nick(self, tube: int, worst: WorstStress, hand: int | None, by: float) -> bool:
+        """Let a tear go on by some mm; return False where it is through."""
         beam, name = self.beam, self.tubes.names[tube]
         nicks = len(beam.nicks_of(name))
-        speed = self.tubes.tear_speeds.get(name, math.inf)
-        depth = beam.nick(worst, speed * TICK_SECONDS, name)
+        depth = beam.nick(worst, by, name)
         if depth >= DEEPEST:
             return False
         self._still = False
         self.nicked[tube] = max(self.nicked[tube], depth)
         if len(beam.nicks_of(name)) > nicks:
-            self._note("nick", tube, station, hand)
+            self._note("nick", tube, worst.station / self.tubes.surfaces[tube].scale, hand)
         # Out of a hole as wide as the tear is deep beyond the wall.
         for nick in beam.nicks_of(name):
             thick = self._thickness(tube)

@@ -125,6 +125,10 @@ NOT_BETWEEN = (
     "No tube lies between the open jaws with its whole width. Lead their tips on past it, one jaw "
     "on either side; clear away first what is in between."
 )
+NOTHING_TO_CUT = (
+    "Nothing lies between the blades that crosses them. Lead their tips on past it, one blade on "
+    "either side; J and L turn them."
+)
 NOTHING_THERE = "No tube is seen there. Point at the wall of one."
 NOT_ASKED = (
     "Structures are marked in the exercise Critical view, once its points are reached, and in Who "
@@ -743,7 +747,7 @@ class ScopeLead:
         holder = self._state.shown.tissue.hands[self.hand]
         now: dict[Instrument, str] = {
             "clip applier": "Clip",
-            "scissors": "Divide",
+            "scissors": "Cut",
             "suction": "Stop" if self._state.shown.spatial.sucks(self.hand) else "Suck",
             "swab": "Wipe",
         }
@@ -757,8 +761,8 @@ class ScopeLead:
             "hook": self._take_or_let_go, "grasper": self._take_or_let_go,
             "dissector": self._open_or_close, "right angle": self._open_or_close,
             "swab": lambda: self._state.refuse(SWEEPS),
-            "clip applier": lambda: self._close(self.session.clip),
-            "scissors": lambda: self._close(self.session.divide),
+            "clip applier": lambda: self._close(self.session.clip, NOT_BETWEEN),
+            "scissors": lambda: self._close(self.session.cut, NOTHING_TO_CUT),
             "suction": self._suck,
         }  # fmt: skip
 
@@ -785,9 +789,9 @@ class ScopeLead:
         closes = opened > 0.0 and self._opens_to == 0.0
         self._jaws[self.hand] = opened + OFF_MM if closes else 0.0 if opened > 0.0 else SPREAD
 
-    def _close(self, act: Callable[[int], bool]) -> None:
+    def _close(self, act: Callable[[int], bool], refusal: str) -> None:
         if not act(self.hand):
-            self._state.refuse(NOT_BETWEEN)
+            self._state.refuse(refusal)
 
     def _suck(self) -> None:
         on = self.session.spatial.sucks(self.hand)

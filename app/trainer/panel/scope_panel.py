@@ -107,8 +107,8 @@ HOW: Mapping[Instrument, str] = {
     "swab": "Wipe along a tube: strands part before its soft tip.",
     "clip applier": "Bring the open jaws past a freed tube on either side, then the right button "
     "or G. J and L turn them.",
-    "scissors": "Bring the open blades past a freed and clipped tube on either side, then the "
-    "right button or G.",
+    "scissors": "The right button or G cuts what lies across between the blades: strands, and a "
+    "tube that you have freed and clipped. J and L turn them; cut no wall in part.",
     "suction": "The right button or G starts it, and stops it. It takes up blood and bile.",
 }
 KEYS = (
@@ -118,7 +118,7 @@ KEYS = (
     Key("Down", "arrowdown", "Move down", "the tip in the picture, or the scope's view"),
     Key("Shift+Up", "arrowup", "In", "the instrument along its shaft, or the scope", "shift"),
     Key("Shift+Down", "arrowdown", "Out", "the instrument along its shaft, or the scope", "shift"),
-    Key("G", "G", "Use the instrument", "take hold or let go; part or close; clip; divide; suck"),
+    Key("G", "G", "Use the instrument", "take hold or let go; part or close; clip; cut; suck"),
     Key("O", "O", "Open the jaws", "by a millimetre"),
     Key("C", "C", "Close the jaws", "by a millimetre"),
     Key("K", "K", "Point", "in Critical view and Who is who: at the next structure, or no more"),
