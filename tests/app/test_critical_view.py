@@ -46,6 +46,7 @@ from app.simulation.tissue.clip_steps import (
     places_to_close,
 )
 from app.simulation.tissue.instruments import CLIP_OPENING, RADIUS
+from app.simulation.tissue.jaw_steps import MOST_STUCK
 from app.simulation.tissue.parting import (
     AT_NECK,
     PASSES_AFTER,
@@ -277,6 +278,66 @@ def test_jaws_that_part_once_more_are_closed_once_more() -> None:
         *3 * ["close"],
         "back",
     ]
+
+
+def test_what_is_held_is_let_go_where_closing_jaws_stay_strained() -> None:
+    """Drawn back again and again they would never close: the pull keeps the wall taut."""
+    session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+    exercise = exercise_at(anatomy_named("normal"), "first_view")
+    assert exercise is not None
+    session.start_exercise(exercise)
+    guidance, done, asked = Guidance(Safety(session.spatial)), list[str](), list[str]()
+    while "open" not in done:
+        step = guidance.next_step(exercise, viewed=False)
+        assert step is not None
+        done.append(obey(session, step))
+        if done[-1] == "hold":  # made whole, as a run begins
+            guidance = Guidance(Safety(session.spatial))
+    tissue = session.spatial
+    assert tissue.hands[0].node is not None
+    guidance.next_step(exercise, viewed=False)
+    while not asked or "let go" not in asked[-1]:
+        tissue.hands[1].opening -= 0.3
+        tissue.stress_ratio = 0.72
+        step = guidance.next_step(exercise, viewed=False)
+        assert step is not None
+        asked.append(step.words)
+    assert len(asked) == MOST_STUCK + 2
+    assert all("back a little" in each for each in asked[:-1])
+    assert "stays strained" in asked[-1]
+    session.release(0)
+    step = guidance.next_step(exercise, viewed=False)
+    assert step is not None
+    assert "let go" not in step.words
+
+
+def test_a_clip_is_asked_for_elsewhere_once_jaws_have_strained_a_wall_twice() -> None:
+    """To either side of its place, off the clips that are there; the next one at its own again."""
+    session = viewed()
+    tissue, names = session.spatial, session.spatial.tubes.names
+    session.mark("cystic artery", names.index("artery"), 10.0)
+    session.mark("cystic duct", names.index("cystic"), 10.0)
+    steps = ClosingSteps(Safety(tissue))
+
+    def asked() -> np.ndarray:
+        step = steps.next_step(2, 1)
+        assert step is not None
+        assert step.place is not None
+        return np.array(step.place)
+
+    first = asked()
+    steps.strained = 1
+    assert asked() == pytest.approx(first)
+    places = [first]
+    for strained in (2, 4, 6, 8):
+        steps.strained = strained
+        places.append(asked())
+    apart = [math.dist(each, first) for each in places]
+    assert apart == pytest.approx([0.0, 1.5, 1.5, 3.0, 3.0], abs=0.8)
+    assert math.dist(places[1], places[2]) > 2.0
+    tissue._note("clip", names.index("artery"), 10.0, 1)
+    asked()
+    assert steps.strained == 0
 
 
 def test_what_is_left_at_the_neck_is_slackened_and_parted_by_a_dissector() -> None:

@@ -5,6 +5,7 @@ view has places for its clips and its division along it, one `SPACE_MM` from the
 gallbladder first the clips that go with it, then the division, then the clips that stay.
 """
 
+import bisect
 from collections.abc import Callable, Iterable, Sequence
 from typing import Literal, NamedTuple
 
@@ -50,6 +51,9 @@ SLIDES_MM = 4.0
 """mm along a tube, up to which jaws about it are led to their place; farther, they come anew."""
 PER_MM = 10.0
 """Strands for which a mm counts by which a jaw would have to push another tube aside."""
+SHIFTS_MM, MOST_STRAINED, SPACE_APART_MM = (0.0, 1.5, -1.5, 3.0, -3.0), 2, 1.2
+"""mm by which a place is shifted, one after the other, once jaws have strained a wall so often on
+their way there; and off clips and ends that stays."""
 NEAR_MM, APART_MM = 1.5, 0.7
 """mm from its place, up to which jaws are well placed, and from a clip, from which on they are."""
 
@@ -230,6 +234,9 @@ class ClosingSteps:
     def __init__(self, safety: Safety) -> None:
         self._safety, self._jaws = safety, JawsOnTube(safety.tissue)
         self._further: dict[str, int] = {}  # mm by which a tube's places are further
+        self._place = "", 0  # the tube, and the number of the clip or of its division, last asked
+        self.strained = 0
+        """How often jaws have strained a wall on their way there."""
 
     def next_step(self, stay: int, go: int) -> NextStep | None:
         """Return what to do next, with so many clips to stay and to go; None once all is done."""
@@ -254,6 +261,14 @@ class ClosingSteps:
         if tube not in self._further:
             self._further[tube] = self._freest(tube, stay, go)
         far, use = place_to_close(clips, stay, go, span, self._further[tube])
+        if self._place != (tube, len(clips)):
+            self._place, self.strained = (tube, len(clips)), 0
+        if shift := SHIFTS_MM[self.strained // MOST_STRAINED % len(SHIFTS_MM)]:
+            ends = [0.0, *clips, span]
+            at = bisect.bisect(ends, far)
+            far = float(
+                np.clip(far + shift, ends[at - 1] + SPACE_APART_MM, ends[at] - SPACE_APART_MM)
+            )
 
         def is_good(between: dict[str, float]) -> bool:
             """Return whether jaws are on the tube there, off its clips."""

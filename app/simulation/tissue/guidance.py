@@ -122,6 +122,7 @@ class Guidance:
         self._tries = 0  # places that were tried since it was drawn or let go
         self._failed = Counter[Part]()  # how often little has parted, one time after the other
         self._strains: int | None = None  # the hand that strains a wall
+        self._presses = False  # whether the right hand presses on a wall as it closes on a tube
         self._asked = 0  # judgements for which it has been asked to slacken that
         self._places_then = self._hand_places  # at the last judgement
         self._mover = LEFT  # the hand that moved last
@@ -166,6 +167,10 @@ class Guidance:
                 return NextStep(words, self._strands, hand=LEFT)
             if self._pulling is None and not bent and not self._jaws.begun:
                 self._pulling = self._pull_for(view, self._jaws.site)
+            if self._jaws.stays_strained and self._holder is not None:
+                held = tube_title(self._safety.gallbladder)
+                why = STAYS_TAUT.format(tube_title(self.tissue.most_stressed))
+                return NextStep(LET_GO.format(held, why), self._strands, hand=LEFT)
             if self._pulling is None or bent:
                 return self._let_back(view) or self._jaws.next_step()
             step = self._pull_step(self._pulling)
@@ -181,10 +186,11 @@ class Guidance:
 
     def _pressed(self) -> NextStep | None:
         """Return how the right hand leaves a wall that it presses on; None if it does not."""
-        tissue = self.tissue
-        if tissue.stress_ratio < TAUT or math.hypot(*tissue.forces[RIGHT]) < PUSHES_N:
-            return None
-        return self._withdrawn(RIGHT)
+        tissue, before = self.tissue, self._presses
+        pushes = math.hypot(*tissue.forces[RIGHT]) >= PUSHES_N
+        self._presses = tissue.stress_ratio >= TAUT and pushes
+        self._closing.strained += self._presses and not before
+        return self._withdrawn(RIGHT) if self._presses else None
 
     def _withdrawn(self, hand: int) -> NextStep:
         """Return that what a hand holds is drawn back a little from the wall that it strains."""

@@ -65,6 +65,8 @@ the judgements for which they are asked to while a wall stays strained."""
 NEEDS_MM, COSTS = 1.0, 0.1
 """How far open jaws are to be off a wall before they close, and what each mm of the way there
 counts for against that."""
+MOST_STUCK = 10
+"""Judgements for which jaws that close are drawn back from a wall until what is held is let go."""
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 MOST_LED_OFF = 3
@@ -90,7 +92,7 @@ class JawSteps:
         self._leaves = 0  # how often they were led off a wall before they closed on it
         self._in_vain = 0  # judgements meanwhile at which a wall was strained
         self._led_from = np.zeros(3)  # (3,) mm, where the tip was led as a direction was chosen
-        self._stuck = 0  # judgements in a row at which bent jaws strained a wall on their way back
+        self._stuck = 0  # judgements in a row at which jaws strained a wall on their way back
         self._clear: Floats | None = None  # (3,) mm, where a bent tip is clear of what it lifted
         self._pressed = False  # whether the tip has pressed too hard here for jaws to part
         self.strained = 0
@@ -105,6 +107,11 @@ class JawSteps:
     def strained_often(self) -> bool:
         """Whether a wall was too taut here more often than it may be."""
         return self.strained > MOST_STRAINED
+
+    @property
+    def stays_strained(self) -> bool:
+        """Whether a wall stays strained though closing jaws are drawn back again and again."""
+        return self.begun and self._stuck > MOST_STUCK
 
     @property
     def strands(self) -> NDArray[np.int64]:
@@ -252,6 +259,7 @@ class JawSteps:
         """Return that the jaws strain a wall, and where they go then."""
         wall = self._tissue.most_stressed
         if self.site.beside is None or self._state == "to come":
+            self._stuck += self.begun
             return self._step(WITHDRAW.format(self._tool, tube_title(wall)))
         # A bent tip that has passed behind something goes back along itself, past what lies in
         # front of it still.
