@@ -372,7 +372,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "steps": ({"start": {"substeps": 4}}, "40 elements and 4 steps a tick"),
     "bed": ({"start": {"bed": "marsh"}}, "unknown bed 'marsh'"),
     "strands": ({"start": {"strands_sha256": "0"}}, "gives other strands here"),
-    "kind": ({"inputs": [[0, 0, "cut", 1.0]]}, "a damaged run"),
+    "kind": ({"inputs": [[0, 0, "slice", 1.0]]}, "a damaged run"),
 }
 
 
