@@ -183,12 +183,13 @@ class JawsOnTube:
             self._site = asked, site.station
         between: dict[str, float] = {}
         if hand.instrument == tool:
-            found = tissue.between_jaws(hand.place, np.array(hand.aim), jaws)
             if tool == "scissors":  # which cut into what is between them in part
                 cuts = tissue.blades(RIGHT).tubes(tissue.beam)
                 wanted = tissue.tubes.names.index(tube)
                 found = [(each.tube, each.station) for each in cuts
                          if each.tube != wanted or each.whole]  # fmt: skip
+            else:
+                found = tissue.between_jaws(hand.place, np.array(hand.aim), jaws)
             between = {tissue.tubes.names[number]: at for number, at in found}
         title, others = tube_title(tube), [each for each in between if each != tube]
         leads = not is_good(between)

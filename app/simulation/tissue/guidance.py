@@ -163,14 +163,11 @@ class Guidance:
             bent = self._jaws.site.beside is not None
             if bent and not self._jaws.begun and self._holder is not None:
                 self._pulling = None
-                words = LET_GO.format(tube_title(self._safety.gallbladder), PULLS)
-                return NextStep(words, self._strands, hand=LEFT)
+                return self._let_go(PULLS)
             if self._pulling is None and not bent and not self._jaws.begun:
                 self._pulling = self._pull_for(view, self._jaws.site)
             if self._jaws.stays_strained and self._holder is not None:
-                held = tube_title(self._safety.gallbladder)
-                why = STAYS_TAUT.format(tube_title(self.tissue.most_stressed))
-                return NextStep(LET_GO.format(held, why), self._strands, hand=LEFT)
+                return self._let_go(STAYS_TAUT.format(tube_title(self.tissue.most_stressed)))
             if self._pulling is None or bent:
                 return self._let_back(view) or self._jaws.next_step()
             step = self._pull_step(self._pulling)
@@ -230,6 +227,11 @@ class Guidance:
             return None
         return self.tissue.hands[holder].tip
 
+    def _let_go(self, why: str) -> NextStep:
+        """Return that the gallbladder is let go."""
+        words = LET_GO.format(tube_title(self._safety.gallbladder), why)
+        return NextStep(words, self._strands, hand=LEFT)
+
     def _pull_for(self, view: CriticalView, site: Site) -> _Pulling | None:
         """Return how the gallbladder is to be drawn before jaws part at a place, if it is."""
         held = self._held
@@ -266,7 +268,7 @@ class Guidance:
             return NextStep(TAKE_HOLD.format(name), strands, place=place, hand=LEFT)
         if pulling.start is None:
             if self._held_for is not None:  # it is held elsewhere
-                return NextStep(LET_GO.format(name, ELSEWHERE), strands, hand=LEFT)
+                return self._let_go(ELSEWHERE)
             pulling.start = self._held_from = held
             pulling.broken = self.tissue.beam.broken
         # What can be pulled no harder has been drawn.
