@@ -155,6 +155,13 @@ def joined_places(anatomy: Anatomy, lines: dict[str, TubeLine]) -> dict[str, lis
     return nodes
 
 
+def length_in_wall(join: JoinTable, lines: dict[str, TubeLine]) -> float:
+    """Return from how far along itself a tube is clear of the wall that it joins, mm."""
+    tube = lines[join.tube]
+    along = tube.length - tube.stations if join.end else tube.stations
+    return float(along[_overlap(tube, lines[join.to]) > CLEAR_MM].max(initial=0.0))
+
+
 def crossings(
     anatomy: Anatomy, lines: dict[str, TubeLine], nodes: dict[str, list[Floats]]
 ) -> Iterator[tuple[int, str, str, "Crossing"]]:
@@ -190,11 +197,17 @@ def _check_clear(
         )  # fmt: skip
 
 
+def _overlap(one: TubeLine, other: TubeLine) -> Floats:
+    """Return by how much one's wall overlaps the other's at each of its (N,) stations, mm."""
+    apart = np.linalg.norm(one.places[:, np.newaxis] - other.places, axis=2)
+    overlap: Floats = (one.radius[:, np.newaxis] + other.radius - apart).max(axis=1)
+    return overlap
+
+
 def _crossing(
     one: TubeLine, other: TubeLine, nodes: list[Floats], others: list[Floats]
 ) -> Crossing:
-    apart = np.linalg.norm(one.places[:, np.newaxis] - other.places, axis=2)
-    overlap = (one.radius[:, np.newaxis] + other.radius - apart).max(axis=1)
+    overlap = _overlap(one, other)
     # Joined tubes leave one another's wall some way from the place where their axes meet, and so do
     # two that join a third near each other: a stretch that begins there is no crossing.
     reach = float(one.radius.max() + other.radius.max())

@@ -4,7 +4,7 @@ x runs along the common duct to the liver's hilum, y to the patient's right, z t
 from the bed. The cystic duct leaves the common duct under its angle with the upper duct, winds
 round it to the right where its orifice is on another side, and has its drawn length to the neck.
 What no frequency gives, the arteries' exact course, is tried in a fixed order until no two tubes
-cross.
+cross, and no artery runs on within a wall that it joins, or upright.
 """
 
 import math
@@ -15,7 +15,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from app.anatomy.anatomy_geometry import TubeLine, tube_line, tube_lines
+from app.anatomy.anatomy_geometry import (
+    TubeLine,
+    joined_station,
+    length_in_wall,
+    tube_line,
+    tube_lines,
+)
 from app.anatomy.frequencies import Case, case_of
 from app.anatomy.tables import (
     Anatomy,
@@ -52,17 +58,23 @@ _GALLBLADDER_SAG = (0.0, 1.0, 2.0, 2.5, 2.0, 1.0)
 # Where cystic arteries end on the gallbladder, mm from its neck.
 ARTERY_AT_MM, _SECOND_AT_MM = 5.0, 11.0
 _CLEARANCE_MM = 0.6
+# From where a tube has left a wall that it joins, mm, and of its length, to where strands hold it.
+_ROOM_MM, _MOST_IN_WALL = 1.0, 0.7
+_LEAST_LEVEL = 0.05  # part of its length in which an artery runs across what is up
+_LEAST_HELD = 0.1  # of a short artery's length, in its middle
 _LARGEST_WAVE_MM = 3.2
 _MOST_WAVES = 8
 _BOW = 1.5  # to one side, of the waves' height
 _SLACK = 1.03  # of the chord, where no length is drawn
 _TISSUE = 3.0  # gap to the bed, mm
+LONGEST_IN_WALL = 2.0
+"""The most that an artery's axis runs within a wall that it joins, of the sum of their radii."""
 ARTERY_ROOT = 0.57
 """Factor on the stiffness of an artery's first element where it leaves another, as a solid model
 has it (benchmarks/artery_joint.py)."""
 # What is tried of the arteries' course, in this order from the last to the first.
-_DEPTHS = (0.0, 1.5, 4.0)
-_CHORDS = (0.93, 0.8, 0.65)
+_DEPTHS = (0.0, 1.5, 4.0, 7.0)
+_CHORDS = (0.93, 0.8, 0.65, 0.5)
 _APART = (0.0, math.pi)
 _TURNS = tuple(math.radians(45.0 * turn) for turn in range(8))
 
@@ -78,7 +90,8 @@ def anatomy_of(case: Case) -> Anatomy:
     for depth, chord, apart, turn in product(_DEPTHS, _CHORDS, _APART, _TURNS):
         anatomy = _tried(case, _Course(depth, chord, turn, turn + apart))
         try:
-            tube_lines(anatomy)
+            lines = tube_lines(anatomy)
+            _check_arteries(anatomy, lines)
         except TableError as error:
             fault = error
         else:
@@ -220,9 +233,30 @@ def _tried(case: Case, course: _Course) -> Anatomy:
         tissue=kinds["tissue"],
         tube=tubes,
         join=joins,
-        layer=list(_layers(lines, kinds["tissue"])),
+        layer=list(_layers(lines, joins, kinds["tissue"])),
         drawn={**kinds, **sizes},
     )
+
+
+def _check_arteries(anatomy: Anatomy, lines: dict[str, TubeLine]) -> None:
+    """Check that arteries leave the walls that they join, and that a bed can lie under them."""
+    kinds = {tube.name: tube.kind for tube in anatomy.tube}
+    for number, tube in enumerate(anatomy.tube):
+        steps = np.diff(lines[tube.name].places, axis=0)
+        level = np.sqrt((steps[:, :2] ** 2).sum(axis=1) / (steps**2).sum(axis=1))
+        if tube.kind == "artery" and level.min() < _LEAST_LEVEL:
+            raise TableError(f"tube {tube.name!r} stands upright", "tube", number, "points_mm")
+    for number, join in enumerate(anatomy.join):
+        if kinds[join.tube] != "artery":
+            continue
+        to = lines[join.to]
+        radii = to.radius_at(joined_station(join, to)) + float(lines[join.tube].radius[-join.end])
+        length = length_in_wall(join, lines)
+        if length > LONGEST_IN_WALL * radii:
+            raise TableError(
+                f"tube {join.tube!r} runs within the wall of {join.to!r} for {length:.3g} mm",
+                "join", number, "at_mm",
+            )  # fmt: skip
 
 
 def _cystic_course(case: Case, start: Floats, common_r: float, cystic_r: float) -> Floats:
@@ -324,32 +358,48 @@ def wavy_course(start: Floats, end: Floats, length: float, turn: float) -> Float
     return points(low, waves, np.linspace(0.0, 1.0, 4 * waves + 5))
 
 
-def _layers(lines: dict[str, TubeLine], tissue: str) -> Iterator[LayerTable]:
+def _layers(
+    lines: dict[str, TubeLine], joins: list[JoinTable], tissue: str
+) -> Iterator[LayerTable]:
     """Yield the tissue between the tubes and under them; its strands are assumed."""
-    cystic = lines["cystic"].length
+    # Where a tube comes out of a wall that it joins there is no room for strands, nor to part them.
+    off = {
+        (join.tube, join.end): min(
+            length_in_wall(join, lines) + _ROOM_MM, _MOST_IN_WALL * lines[join.tube].length
+        )
+        for join in joins
+    }
+    cystic, off_common = lines["cystic"].length, off["cystic", 0]
+    between = round(max(min(5.0, 0.4 * cystic), off_common), 3)
     for name in ("artery", "artery2"):
         if name in lines:
+            length = lines[name].length
+            begin, end = off.get((name, 0), 0.0), length - off[name, 1]
+            if end - begin < _LEAST_HELD * length:
+                begin, end = (0.5 * (1.0 + side * _LEAST_HELD) * length for side in (-1, 1))
+            begin, end = round(begin, 3), round(end, 3)
             for to, reach, strands in (("cystic", 9.0, 140), ("common", 12.0, 90)):
                 yield LayerTable(
                     tube=name, to=to, strands=strands, preset=tissue, reach_mm=reach,
-                    sheet="triangle",
+                    from_mm=begin, to_mm=end, sheet="triangle",
                 )  # fmt: skip
             yield LayerTable(
-                tube=name, to="bed", strands=90, preset=tissue, gap_mm=2.0, floor_N_per_mm2=0.05
-            )
+                tube=name, to="bed", strands=90, preset=tissue, gap_mm=2.0, floor_N_per_mm2=0.05,
+                from_mm=begin, to_mm=end,
+            )  # fmt: skip
     yield LayerTable(
-        tube="cystic", to="common", strands=200, preset=tissue, reach_mm=14.0,
-        from_mm=round(min(5.0, 0.4 * cystic), 3), sheet="triangle",
+        tube="cystic", to="common", strands=200, preset=tissue, reach_mm=14.0, from_mm=between,
+        sheet="triangle",
     )  # fmt: skip
     # The peritoneum in front: short strands, four times as tough as areolar tissue.
     yield LayerTable(
         tube="cystic", to="common", strands=70, preset="normal", factor=4.0, reach_mm=14.0,
-        from_mm=round(min(5.0, 0.4 * cystic), 3), yield_mm=1.0, failure_mm=2.0, slack_mm=0.3,
+        from_mm=between, yield_mm=1.0, failure_mm=2.0, slack_mm=0.3,
         side="front", sheet="peritoneum",
     )  # fmt: skip
     yield LayerTable(
         tube="cystic", to="rha", strands=80, preset=tissue, reach_mm=10.0,
-        from_mm=round(min(8.0, 0.5 * cystic), 3), sheet="triangle",
+        from_mm=round(max(min(8.0, 0.5 * cystic), off_common), 3), sheet="triangle",
     )  # fmt: skip
     yield LayerTable(
         tube="gallbladder", to="common", strands=60, preset=tissue, to_mm=9.0, reach_mm=16.0,
@@ -358,7 +408,7 @@ def _layers(lines: dict[str, TubeLine], tissue: str) -> Iterator[LayerTable]:
     yield LayerTable(tube="common", to="bed", strands=260, preset="firm", gap_mm=_TISSUE)
     yield LayerTable(
         tube="cystic", to="bed", strands=200, preset=tissue, gap_mm=_TISSUE,
-        from_mm=round(min(4.0, 0.3 * cystic), 3),
+        from_mm=round(max(min(4.0, 0.3 * cystic), off_common), 3),
     )  # fmt: skip
     yield LayerTable(
         tube="gallbladder", to="bed", strands=240, preset="firm", gap_mm=2.5, yield_mm=1.2,

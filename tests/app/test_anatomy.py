@@ -14,6 +14,7 @@ from program import refused, run
 
 from app.anatomy import (
     Anatomy,
+    anatomy_network,
     anatomy_toml,
     drawn_anatomy,
     read_anatomy,
@@ -111,6 +112,20 @@ def test_every_seed_builds_what_was_drawn(cases: list[Anatomy]) -> None:
             visible = lines["artery"].length - float(neck) - float(lines["rha"].radius[0])
             assert visible == pytest.approx(anatomy.drawn["cystic_artery_length_mm"], abs=1.5)
         assert {layer.preset for layer in anatomy.layer} <= set(bed_presets())
+        assert anatomy_network(anatomy).strands.count > 500
+
+
+def test_arteries_leave_the_walls_that_they_join_at_once(cases: list[Anatomy]) -> None:
+    for anatomy in cases:
+        lines = tube_lines(anatomy)
+        for join in anatomy.join:
+            if join.tube.startswith("artery"):
+                tube, to = lines[join.tube], lines[join.to]
+                at = int(np.abs(to.stations - join.at_mm).argmin())
+                along = tube.length - tube.stations if join.end else tube.stations
+                beyond = along > 2.0 * (tube.radius[0] + to.radius[at]) + 0.5
+                apart = np.linalg.norm(tube.places[beyond, np.newaxis] - to.places, axis=2)
+                assert (apart - to.radius).min() > tube.radius[0] - 0.1, (anatomy.name, join)
 
 
 def test_a_case_comes_back_from_its_text(cases: list[Anatomy], tmp_path: Path) -> None:
