@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from playwright.sync_api import (
     Browser,
     BrowserContext,
@@ -299,23 +300,20 @@ class TrainerPage:
         that too.
         """
 
-        def at_home() -> bool:
+        def at_home() -> None:
             stage, reported = scene_of(view)._stage, view.client.camera
-            if stage is None or not stage._arrived:
-                return False
+            assert stage is not None, "there is no stage"
+            assert stage._arrived, "the page has not reported the camera that it was sent"
             if stage._looked_around:  # so seems a page that sets its own camera only now
                 view.state.bring_home()
-                return False
-            left = time.monotonic() - stage._framed_at > stage._settling_time
-            place = self.camera()
-            wanted = stage._viewpoint(reported.aspect)
-            return (
-                (left or not free)
-                and np.allclose(place, [wanted.position, wanted.look_at], atol=CAMERA_NEAR)
-                and np.allclose(place, [reported.position, reported.look_at], atol=1e-3)
-            )
+                raise AssertionError("the page has moved its camera")
+            settled = time.monotonic() - stage._framed_at > stage._settling_time
+            assert settled or not free, "the trainer would put a moved camera back"
+            place, wanted = self.camera(), stage._viewpoint(reported.aspect)
+            assert_allclose(place, [wanted.position, wanted.look_at], atol=CAMERA_NEAR)
+            assert_allclose(place, [reported.position, reported.look_at], atol=1e-3)
 
-        self.wait_until(at_home)
+        self.eventually(at_home)
         return self.camera()
 
     def rest(self) -> np.ndarray:
