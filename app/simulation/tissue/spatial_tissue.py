@@ -265,6 +265,7 @@ class SpatialTissue:
         self.marks: list[Mark] = []
         self.called_unsafe = False  # whether it was said that nothing can safely be told
         self.sucked_ml, self._suction = 0.0, [0.0] * HANDS  # ml/s
+        self._closed_at = [-math.inf] * HANDS  # ticks, by button
         self.ticks = 0  # since all was made whole
         self.hands = tuple(
             Hand(each, self.parking(hand, each)) for hand, each in enumerate(FIRST_INSTRUMENTS)
@@ -509,6 +510,7 @@ class SpatialTissue:
         holder, found = self.hands[hand], False
         if holder.instrument != ("clip applier" if kind == "clip" else "scissors"):
             return False
+        self._closed_at[hand] = self.ticks
         if kind == "cut":
             found = self._cut(hand)
         else:
@@ -567,6 +569,10 @@ class SpatialTissue:
             if self._nick(tube, where, hand, 0.0) and self._nick(tube, where, hand, deeper):
                 return True
         return self._divide(tube, at, hand)
+
+    def since_closed(self, hand: int) -> float:
+        """Return how long ago a hand last closed a clip applier's jaws or scissors' blades, s."""
+        return (self.ticks - self._closed_at[hand]) * TICK_SECONDS
 
     def sucks(self, hand: int) -> bool:
         """Return whether a hand's suction is on."""
@@ -629,7 +635,7 @@ class SpatialTissue:
         self.rod_counts = len(self.rods_of(0)), len(self.rods_of(1))
         holder.opening = holder.target_opening = 0.0
         holder.aim, holder.spread = TOWARDS_HAND.get(instrument, FROM_ABOVE), ALONG
-        self._suction[hand] = 0.0
+        self._suction[hand], self._closed_at[hand] = 0.0, -math.inf
         holder.put(self.parking(hand, instrument))
         for rod in self.touch(hand).rods:
             self.beam.set_rod(*rod)

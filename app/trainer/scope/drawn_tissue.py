@@ -7,14 +7,16 @@ import numpy as np
 import viser
 
 from app.anatomy import AnatomyNetwork
-from app.simulation import TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar
+from app.simulation import HOLDING, TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar
 from app.trainer.scope.packing import DrawnHand, Frame, Well
 from app.trainer.scope.picture import ScopePicture
 from app.trainer.scope.pose import Laparoscope, Pose, cross
 
 INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
-JAWS_APART = 3.0
-"""mm between the ends of jaws that hold a wall."""
+HOLDS_APART, READY_APART = 1.0, 5.0
+"""mm between the ends of a grasper's jaws that hold a wall, and of those that hold nothing."""
+CLOSED_S, OPENS_S = 0.2, 0.2
+"""How long blades and jaws that have cut or clipped are drawn closed, and then take to open."""
 
 
 def picture_of(
@@ -62,7 +64,12 @@ def _hand(tissue: SpatialTissue, number: int) -> DrawnHand:
     hand = tissue.hands[number]
     holds = hand.node is not None
     x, y, z = (float(each) for each in hand.tip)
-    opening = JAWS_APART if holds or tissue.sucks(number) else hand.opening
+    opened = min(max((tissue.since_closed(number) - CLOSED_S) / OPENS_S, 0.0), 1.0)
+    opening = opened * hand.opening
+    if holds or tissue.sucks(number):
+        opening = HOLDS_APART
+    elif hand.instrument in HOLDING:
+        opening = READY_APART
     roll = _roll(TROCARS[number], hand)
     return DrawnHand(INSTRUMENTS.index(hand.instrument), (x, y, z), opening, roll, holds)
 
