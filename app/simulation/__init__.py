@@ -99,6 +99,7 @@ from app.simulation.tissue.guidance import Guidance
 from app.simulation.tissue.held_pull import pull_and_hold
 from app.simulation.tissue.instruments import (
     CLIP_OPENING,
+    COMES_OPEN,
     FIRST_INSTRUMENTS,
     JAW_RADIUS,
     MOST_OPENING,
@@ -130,6 +131,7 @@ __all__ = [
     "AT_ANATOMY",
     "CAREFUL",
     "CLIP_OPENING",
+    "COMES_OPEN",
     "CONSEQUENCES",
     "DISTANCE_TO_BREAK",
     "ELEMENTS",

@@ -46,9 +46,10 @@ from app.simulation.tissue.clip_steps import (
     places_to_close,
 )
 from app.simulation.tissue.instruments import CLIP_OPENING, RADIUS
-from app.simulation.tissue.jaw_steps import MOST_STUCK
+from app.simulation.tissue.jaw_steps import MOST_STUCK, STOPS_AT
 from app.simulation.tissue.parting import (
     AT_NECK,
+    CUT_AFTER,
     PASSES_AFTER,
     SWEEP_BEFORE_MM,
     SWEEP_PAST_MM,
@@ -166,8 +167,9 @@ def obey(session: Session, step: NextStep) -> str:
         held.put(place - held.jaws)
         return "draw"
     if "part the" in step.words:
-        bent = "right angle" in step.words
-        session.choose_instrument(1, "right angle" if bent else "dissector")
+        assert step.tool is not None
+        bent = step.tool == "right angle"
+        session.choose_instrument(1, step.tool)
         jaws.put(place)
         if step.along is None:  # they are led on closed
             return "part"
@@ -178,7 +180,18 @@ def obey(session: Session, step: NextStep) -> str:
             jaws.aim = x, y, z
         else:
             jaws.spread = x, y, z
+        if step.tool == "scissors":
+            jaws.opening, (x, y, z) = CLIP_OPENING, shaft.tolist()
+            jaws.aim = x, y, z
+            return "come with scissors"
         return "part"
+    if "scissors between" in step.words:
+        jaws.put(place)
+        return "lead scissors"
+    if "cut what" in step.words:
+        session.cut(1)
+        tissue.beam.detach(np.isin(np.arange(tissue.tubes.strands.count), step.strands))
+        return "cut"
     if "sweep the" in step.words:
         jaws.put(place)
         return "sweep"
@@ -200,7 +213,7 @@ def obey(session: Session, step: NextStep) -> str:
         return "close"
     if "out of" in step.words:
         jaws.put(jaws.place + np.array([0.0, 0.0, 40.0]))
-        return "withdraw"
+        return "withdraw" if step.tool != "scissors" else "withdraw scissors"
     assert "stand still" in step.words, step.words
     return "wait"
 
@@ -340,6 +353,50 @@ def test_a_clip_is_asked_for_elsewhere_once_jaws_have_strained_a_wall_twice() ->
     assert steps.strained == 0
 
 
+def test_what_is_held_is_let_go_where_jaws_come_in_vain_to_close_on_a_tube() -> None:
+    """A pull that strains a wall, or holds one tube against another, leaves jaws no room."""
+    session = viewed()
+    tissue, names = session.spatial, session.spatial.tubes.names
+    session.grab(0, 20.0, names.index("gallbladder"))
+    session.mark("cystic artery", names.index("artery"), 10.0)
+    session.mark("cystic duct", names.index("cystic"), 10.0)
+    exercise = exercise_at(anatomy_named("normal"), "critical_view")
+    assert exercise is not None
+    guidance = Guidance(Safety(tissue))
+
+    def asked(stress: float) -> str:
+        tissue._forces, tissue.stress_ratio = [[0.0, 2.0, 0.0], [0.0] * 3], stress
+        step = guidance.next_step(exercise, viewed=True)
+        assert step is not None
+        return step.words
+
+    assert "clip 1 of 3" in asked(STOPS_AT - 0.01)
+    assert "let go of the gallbladder" in asked(STOPS_AT + 0.01)
+    assert "clip 1 of 3" in asked(STOPS_AT - 0.01)
+    guidance._closing.strained = 5
+    assert "let go of the gallbladder" in asked(0.1)
+    session.release(0)
+    assert "clip 1 of 3" in asked(0.1)
+
+
+def test_each_time_that_another_tube_comes_between_jaws_counts() -> None:
+    """Until they close on another tube, or are asked to close elsewhere."""
+    tissue = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW).spatial
+    tissue.choose_instrument(1, "clip applier")
+    jaws, hand = JawsOnTube(tissue), tissue.hands[1]
+    at = ClipSite.at(tissue, "cystic", 10.0, CLIP_OPENING)
+    hand.opening = CLIP_OPENING
+    hand.aim, hand.spread = tuple(at.shaft.tolist()), tuple(at.across.tolist())
+
+    def come(far: float, tube: str = "artery") -> int:
+        hand.put(at.tip + far * at.shaft)
+        jaws.next_step("clip applier", tube, [10.0], lambda _tubes: False)
+        return jaws.others
+
+    assert [come(each) for each in (40.0, 0.0, 0.5, 40.0, 0.0)] == [0, 1, 1, 1, 2]
+    assert come(40.0, "cystic") == 0
+
+
 def test_what_is_left_at_the_neck_is_slackened_and_parted_by_a_dissector() -> None:
     """Between the cystic duct and what enters beside it; elsewhere, while little parts."""
     session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
@@ -383,10 +440,15 @@ def test_what_is_left_at_the_neck_is_slackened_and_parted_by_a_dissector() -> No
     done = [each for each in asked if each not in MEANWHILE]
     assert done[:4] == ["hold", "draw", "draw", "draw"]
     assert np.linalg.norm(places[0] - places[1]) > 0.5
-    # Jaws are opened there and led through closed, in turn, then a right angle is tried.
-    assert tools == ["dissector"] * len(AT_NECK) + ["right angle"] * PASSES_AFTER + ["dissector"]
+    # Jaws are opened there and led through closed, in turn, then a right angle is tried; each third
+    # time it is to be cut instead.
+    turn = ["dissector"] * len(AT_NECK) + ["right angle"] * PASSES_AFTER + ["dissector"]
+    turn[CUT_AFTER :: CUT_AFTER + 1] = ["scissors"] * len(turn[CUT_AFTER :: CUT_AFTER + 1])
+    assert tools == turn
     assert [each > 0.0 for each in swept] == [
-        each.to_neck for each in AT_NECK if isinstance(each, Sweep)
+        each.to_neck
+        for number, each in enumerate(AT_NECK)
+        if isinstance(each, Sweep) and number % (CUT_AFTER + 1) != CUT_AFTER
     ]
     assert min(map(abs, swept)) > 0.9
 

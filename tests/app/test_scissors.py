@@ -1,16 +1,30 @@
 """Scissors at an anatomy: what lies between their blades is cut, strands and tubes."""
 
 import math
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.anatomy import anatomy_named
-from app.simulation import FEW, TROCARS, Replay, Session, Specimen
+from app.anatomy import anatomy_named, anatomy_network
+from app.simulation import (
+    FEW,
+    TROCARS,
+    Replay,
+    Safety,
+    Session,
+    Specimen,
+    exercise_at,
+)
 from app.simulation.tissue.blades import BLADES_MM
-from app.simulation.tissue.instruments import RADIUS
+from app.simulation.tissue.instruments import CLIP_OPENING, RADIUS
+from app.simulation.tissue.jaw_steps import OUT_MM, JawSteps
+from app.simulation.tissue.parting import CUT_AFTER, PartingPlaces, Site
 from app.simulation.tissue.spatial_tissue import SpatialTissue
+from app.trainer.scope.drawn_tissue import draw_tissue
+from app.trainer.scope.held_scope import HeldScope
+from app.trainer.scope.packing import Frame
 from physics.bed import WorstStress
 
 Floats = NDArray[np.float64]
@@ -196,3 +210,128 @@ def test_the_side_of_a_section_is_the_one_that_bending_stretches(session: Sessio
             assert cosine > 0.8, (name, k)
             found += 1
     assert found > 2
+
+
+class Drawn:
+    """A picture that keeps what it was sent last."""
+
+    def __init__(self, session: Session) -> None:
+        self._tissue = session.spatial
+        self._pose = HeldScope(anatomy_network(anatomy_named("normal"))).pose
+        self._frame: Frame | None = None
+
+    def send(self, _beam: object, frame: Frame) -> None:
+        self._frame = frame
+
+    def opening(self, hand: int) -> float:
+        """Return how far a hand's jaws are drawn apart now, mm."""
+        draw_tissue(cast(Any, self), self._tissue, self._pose)
+        assert self._frame is not None
+        return self._frame.hands[hand].opening
+
+
+def test_blades_are_seen_to_close_and_a_grasper_to_hold(session: Session) -> None:
+    """Whether or not they find anything between them."""
+    drawn = Drawn(session)
+    session.open_jaws(1, CLIP_OPENING)
+    session.advance(100)
+    assert drawn.opening(1) == CLIP_OPENING
+    assert not session.cut(1)
+    assert drawn.opening(1) == 0.0
+    apart = list[float]()
+    for _ in range(50):
+        session.advance(1)
+        apart.append(drawn.opening(1))
+    assert apart == sorted(apart)
+    assert apart[-1] == CLIP_OPENING
+    held = drawn.opening(0)
+    session.release(0)
+    assert drawn.opening(0) > held > 0.0
+
+
+def asked_to_cut(places: PartingPlaces, safety: Safety) -> Site:
+    """Return what is asked to be cut once jaws have parted little, again and again."""
+    for tried in range(6 * (CUT_AFTER + 1)):
+        site = places.best(safety.critical_view(), "triangle", 5)
+        assert site is not None
+        if site.tool == "scissors":
+            assert tried >= CUT_AFTER
+            return site
+        places.note_tried(site, fruitless=True)
+    raise AssertionError("scissors are not asked for")
+
+
+def test_what_jaws_do_not_part_between_two_tubes_is_asked_to_be_cut(session: Session) -> None:
+    """Blades that are where the steps ask for them cut strands, and no tube."""
+    session.release(0)
+    exercise = exercise_at(anatomy_named("normal"), "critical_view")
+    assert exercise is not None
+    session.start_exercise(exercise)
+    session.choose_instrument(1, "scissors")
+    tissue, safety = session.spatial, Safety(session.spatial)
+    places = PartingPlaces(safety)
+    site = asked_to_cut(places, safety)
+    strands = tissue.tubes.strands
+    assert (strands.to[site.near] >= 0).all(), "they hold two tubes together"
+    jaws, place = JawSteps(tissue, places, site), places.place_of(site)
+    assert "lead the right hand's scissors into the ring" in jaws.next_step().words
+    assert site.beside is not None
+    bring(tissue, place + site.beside, site.along, CLIP_OPENING)
+    jaws.follow()
+    step = jaws.next_step()
+    assert "the right hand's open scissors between" in step.words
+    assert step.place is not None
+    assert np.allclose(step.place, place)
+    # What lies in their way there is cut by nothing, and pushed aside by a blade.
+    session.move_hand(1, place)
+    session.advance(150)
+    assert math.dist(tissue.hands[1].place, place) < 0.1
+    jaws.follow()
+    assert (
+        jaws.next_step().words
+        == "Next: cut what lies between its blades with the right hand's scissors (G)."
+    )
+    broken = tissue.beam.broken
+    assert session.cut(1)
+    assert tissue.beam.broken - broken >= 5
+    assert not tissue.events
+    session.advance(1)
+    jaws.follow()
+    assert "out of the tissue" in jaws.next_step().words
+    assert not jaws.is_over
+    hand = tissue.hands[1]
+    hand.put(place + site.beside + (OUT_MM + 0.1) * TROCARS[1].shaft(place))
+    assert jaws.is_over
+    assert not jaws.fruitless
+
+
+def test_blades_that_have_a_tube_between_them_are_drawn_out(session: Session) -> None:
+    """Else it would be asked for to cut it."""
+    session.release(0)
+    tissue, safety = session.spatial, Safety(session.spatial)
+    places = PartingPlaces(safety)
+    site = asked_to_cut(places, safety)
+    jaws = JawSteps(tissue, places, site)
+    assert site.beside is not None
+    place = places.place_of(site)
+    bring(tissue, place + site.beside, site.along, CLIP_OPENING)
+    jaws.follow()
+    bring(tissue, place, site.along, CLIP_OPENING)
+    names = tissue.tubes.names
+    axis = line_of(tissue, "cystic", 12.0)
+    nearest = TROCARS[1].shaft(axis[0])
+    tissue.hands[1].put(axis[0] - 3.0 * nearest)
+    off = places.place_of(site) - tissue.hands[1].place
+    # The tissue has moved there: the ring is where a tube lies between the blades.
+    jaws.site = site._replace(offset=site.offset - off)
+    across = np.cross(nearest, axis[1])
+    tissue.hands[1].aim = tuple(nearest.tolist())
+    tissue.hands[1].spread = tuple((across / np.linalg.norm(across)).tolist())
+    assert [names[each.tube] for each in tissue.blades(1).tubes(tissue.beam)] == ["cystic"]
+    jaws.follow()
+    assert jaws.next_step().words.endswith("the cystic duct lies between its blades.")
+    assert jaws.tried, "so that it is asked for less"
+    tissue.hands[1].put(place + 30.0 * nearest)
+    assert jaws.is_over
+    assert jaws.fruitless
+    assert not tissue.events

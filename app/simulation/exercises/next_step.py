@@ -21,13 +21,20 @@ PASS: dict[Where, str] = {
     "behind": "Next: pass the right hand's {} along its tip behind the {}, into the ring.",
 }
 """Where to pass a bent tip then."""
-TURN = "Next: turn the right hand's {} (J, L) until it lies along the ring's bar."
+TURN = "Next: turn the right hand's {} (J, L) to lie along the ring's bar."
 OPEN = "Next: open the right hand's {} (G): its jaws part what lies in the ring."
 OPENS = "Next: the right hand's {} opens; wait until its jaws stand still."
 UNDER = (
     "Next: lead the right hand's open {} under the {}, slowly, until its tip is in the ring or "
     "stops."
 )
+BETWEEN_BLADES = "Next: lead the right hand's open {} between {} and {}, into the ring."
+CUT = "Next: cut what lies between its blades with the right hand's {} (G)."
+BLADES_OUT = "Next: draw the right hand's {} out of the tissue (wheel back): {}."
+NOTHING_BETWEEN = "nothing lies between its blades"
+TUBE_BETWEEN = "the {} lies between its blades"
+BLADES_STRAIN = "it strains the {}"
+"""Why blades are drawn out that have cut nothing."""
 SWEEP = "Next: sweep the right hand's closed {} between {} and {}, slowly, into the ring."
 CLOSES = "Next: the right hand's {} closes; wait until its jaws stand still."
 CLOSE = "Next: close the right hand's {} (G)."
@@ -36,20 +43,19 @@ BACK_ALONG = "Next: lead the right hand's {} back along its tip, into the ring."
 BACK = "Next: draw the right hand's {} out of the tissue (wheel back), to the ring."
 TAKE_HOLD = "Next: take hold of the {} in the ring with the left hand's grasper (G)."
 DRAW_ASIDE = (
-    "Next: draw the {} aside with the left hand's grasper: drag it slowly to {:.0f} of "
-    "{:.0f} mm, into the ring."
+    "Next: draw the {} aside with the left hand's grasper: drag it slowly into "
+    "the ring, stage {} of {}."
 )
 DRAW_OFF = (
-    "Next: draw the {} off the liver with the left hand's grasper: drag it slowly to "
-    "{:.0f} of {:.0f} mm, into the ring."
+    "Next: draw the {} off the liver with the left hand's grasper: drag it slowly into "
+    "the ring, stage {} of {}."
 )
 DRAW_DOWN = (
-    "Next: draw the {} towards the common duct with the left hand's grasper: drag it slowly to "
-    "{:.0f} of {:.0f} mm, into the ring."
+    "Next: draw the {} towards the common duct with the left hand's grasper: drag it slowly into "
+    "the ring, stage {} of {}."
 )
 LIFT = (
-    "Next: lift the {} with the left hand's grasper: drag it slowly to {:.0f} of "
-    "{:.0f} mm, into the ring."
+    "Next: lift the {} with the left hand's grasper: drag it slowly into the ring, stage {} of {}."
 )
 TO_RING = " towards the ring"
 """Where to it is let back, if that is known."""
@@ -59,7 +65,7 @@ LET_BACK = (
 )
 LET_GO = "Next: let go of the {} with the left hand's grasper (G){}."
 ELSEWHERE = ", to hold it elsewhere"
-PULLS = ": its pull leaves the right angle no room"
+PULLS = ": its pull leaves the {} no room"
 STAYS_TAUT = ": the {} stays strained"
 LIFTED = (
     "Next: let go of the {} with the left hand's grasper (G): it is lifted, and what is slack "

@@ -62,19 +62,24 @@ class Blades(NamedTuple):
         )
         return along, aside, away
 
-    def strands(self, beam: BeamOnBed, rods: tuple[int, ...]) -> NDArray[np.bool_]:
-        """Return which strands of a beam, (S,), are between them, which are two of its rods."""
-        ends, feet = beam.strand_ends(), beam.strand_feet()
+    def crossing(self, ends: Floats, feet: Floats) -> tuple[NDArray[np.bool_], Floats]:
+        """Return which strands, from (S, 3) to (S, 3) mm, cross their plane beside them; and w."""
         first, last = self.seen(ends)[2], self.seen(feet)[2]
         apart = first - last
         part = np.divide(first, apart, out=np.zeros(apart.size), where=apart != 0.0)
         along, aside, _ = self.seen(ends + part[:, None] * (feet - ends))
+        return (first * last < 0.0) & (along > 0.0) & (along < BLADES_MM), aside
+
+    def strands(self, beam: BeamOnBed, rods: tuple[int, ...]) -> NDArray[np.bool_]:
+        """Return which strands of a beam, (S,), are between them, which are two of its rods."""
+        ends, feet = beam.strand_ends(), beam.strand_feet()
+        crosses, aside = self.crossing(ends, feet)
         # Of the first blade the inner side is where u . (a x b) has the sign of n at the foot.
-        sign = np.where(apart > 0.0, -1, 1)
+        sign = np.where(((ends - feet) * self._normal).sum(axis=1) > 0.0, -1, 1)
         one, other = (beam.sides_of(each) for each in rods)
         inside, outside = ((one * sign == each) | (other * sign == -each) for each in (1, -1))
         between = (np.abs(aside) < 0.5 * self.opening) | inside
-        return (first * last < 0.0) & (along > 0.0) & (along < BLADES_MM) & between & ~outside
+        return crosses & between & ~outside
 
     def tubes(self, beam: BeamOnBed) -> list[Between]:
         """Return the tubes of a beam that are between them, with all of their width or a part."""

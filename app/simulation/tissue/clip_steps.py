@@ -146,6 +146,9 @@ class JawsOnTube:
     def __init__(self, tissue: SpatialTissue) -> None:
         self._tissue = tissue
         self._site: tuple[object, float] = None, 0.0  # what is asked for, and its station, mm
+        self.others = 0
+        """How often another tube has come between, too."""
+        self._beside = False  # whether one is there
 
     def next_step(
         self,
@@ -177,6 +180,8 @@ class JawsOnTube:
         jaws = hand.opening if hand.instrument == tool else CLIP_OPENING
         # A site that is good stays: which is the clearest changes as jaws come near.
         asked = tool, tube, purpose
+        if self._site[0] != asked:
+            self.others = 0
         site = ClipSite.at(tissue, tube, self._site[1], jaws)
         if self._site[0] != asked or not is_good(site.between):
             site = ClipSite.clearest(tissue, tube, stations, jaws, is_good)
@@ -192,6 +197,8 @@ class JawsOnTube:
                 found = tissue.between_jaws(hand.place, np.array(hand.aim), jaws)
             between = {tissue.tubes.names[number]: at for number, at in found}
         title, others = tube_title(tube), [each for each in between if each != tube]
+        self.others += bool(others) and not self._beside
+        self._beside = bool(others)
         leads = not is_good(between)
         off = site.tip - hand.place
         if leads and between and float(off @ off) > SLIDES_MM**2:
@@ -238,6 +245,11 @@ class ClosingSteps:
         self._place = "", 0  # the tube, and the number of the clip or of its division, last asked
         self.strained = 0
         """How often jaws have strained a wall on their way there."""
+
+    @property
+    def in_vain(self) -> int:
+        """How often jaws have come there that could not close."""
+        return self.strained + self._jaws.others
 
     def next_step(self, stay: int, go: int) -> NextStep | None:
         """Return what to do next, with so many clips to stay and to go; None once all is done."""

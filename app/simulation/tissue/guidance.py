@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import tube_title
-from app.simulation.exercises.critical_view import SOME, CriticalView, Part
+from app.simulation.exercises.critical_view import BY_DISSECTOR, SOME, CriticalView, Part
 from app.simulation.exercises.exercise import Exercise
 from app.simulation.exercises.goals import CriticalView as Goal
 from app.simulation.exercises.goals import StopBleeding
@@ -38,7 +38,16 @@ from app.simulation.exercises.next_step import (
 )
 from app.simulation.inputs.inputs import HOLDING
 from app.simulation.tissue.clip_steps import ClipSteps, ClosingSteps
-from app.simulation.tissue.jaw_steps import IN_RING_MM, RIGHT, TAUT, JawSteps, three
+from app.simulation.tissue.instruments import COMES_OPEN
+from app.simulation.tissue.jaw_steps import (
+    IN_RING_MM,
+    MOST_STUCK,
+    RIGHT,
+    STOPS_AT,
+    TAUT,
+    JawSteps,
+    three,
+)
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.safety import Safety
 
@@ -65,15 +74,18 @@ EASES_MM = 3.0
 IS_BACK_MM, NEARLY_TORN = 1.0, 0.85
 """mm off where it was taken hold of, within which what is held has been let back; and of a wall's
 break, from which on it is let go instead: let back, it may bend, and that strains a wall more."""
-GRIPPED, GIVES_WAY = 0.85, 15
-"""Of the pull at which tissue slips out of a grasper, and strands that part, from which on it is
-drawn no further: more of them may part at once, and a vessel take the pull over."""
+GRIPPED, GRIPPED_OFF, GIVES_WAY = 0.85, 0.35, 15
+"""Of the pull at which tissue slips out of a grasper, less off the liver for more than
+`BY_DISSECTOR` points, and strands that part, from which on it is drawn no further: more may part at
+once, and a vessel take the pull over."""
 PUSHES_N = 0.1
 """Force from which on a hand can be what strains a wall."""
 MOVED_MM = 0.05
 """Between two judgements, from which on a hand has moved."""
 LONGEST = 20
 """Judgements for which one hand is asked to slacken a wall until the other is: some 10 s."""
+MOST_IN_VAIN = 4
+"""How often jaws may come to close on a tube and cannot, until what is held is let go."""
 LEFT = 0
 """Number of the hand that holds."""
 
@@ -113,6 +125,7 @@ class Guidance:
         """What is judged."""
 
         self._clips, self._closing = ClipSteps(self.tissue), ClosingSteps(safety)
+        self._points = 0  # that are asked for
         self._part: Part | None = None
         self._pulling: _Pulling | None = None
         self._jaws: JawSteps | None = None
@@ -123,6 +136,7 @@ class Guidance:
         self._failed = Counter[Part]()  # how often little has parted, one time after the other
         self._strains: int | None = None  # the hand that strains a wall
         self._presses = False  # whether the right hand presses on a wall as it closes on a tube
+        self._taut = 0  # judgements in a row at which a wall was taut meanwhile
         self._asked = 0  # judgements for which it has been asked to slacken that
         self._places_then = self._hand_places  # at the last judgement
         self._mover = LEFT  # the hand that moved last
@@ -135,7 +149,7 @@ class Guidance:
             return self._clips.next_step()
         if not isinstance(goal, Goal):
             return None
-        view = self._safety.critical_view()
+        view, self._points = self._safety.critical_view(), goal.points
         if viewed:
             return (
                 self._jaws_out() or self._pressed() or self._closing.next_step(goal.stay, goal.go)
@@ -163,7 +177,7 @@ class Guidance:
             bent = self._jaws.site.beside is not None
             if bent and not self._jaws.begun and self._holder is not None:
                 self._pulling = None
-                return self._let_go(PULLS)
+                return self._let_go(PULLS.format(self._jaws.site.tool))
             if self._pulling is None and not bent and not self._jaws.begun:
                 self._pulling = self._pull_for(view, self._jaws.site)
             if self._jaws.stays_strained and self._holder is not None:
@@ -182,11 +196,15 @@ class Guidance:
         return self._strained() or self._jaws.next_step()
 
     def _pressed(self) -> NextStep | None:
-        """Return how the right hand leaves a wall that it presses on; None if it does not."""
+        """Return how a wall is slackened as jaws come to close on a tube; None if none is taut."""
         tissue, before = self.tissue, self._presses
         pushes = math.hypot(*tissue.forces[RIGHT]) >= PUSHES_N
         self._presses = tissue.stress_ratio >= TAUT and pushes
         self._closing.strained += self._presses and not before
+        self._taut = self._taut + 1 if tissue.stress_ratio >= (TAUT if pushes else STOPS_AT) else 0
+        stuck = self._taut > (MOST_STUCK if pushes else 0) or self._closing.in_vain > MOST_IN_VAIN
+        if stuck and self._holder is not None:
+            return self._let_go(STAYS_TAUT.format(tube_title(tissue.most_stressed)))
         return self._withdrawn(RIGHT) if self._presses else None
 
     def _withdrawn(self, hand: int) -> NextStep:
@@ -272,14 +290,16 @@ class Guidance:
             pulling.start = self._held_from = held
             pulling.broken = self.tissue.beam.broken
         # What can be pulled no harder has been drawn.
-        pulling.drawn |= self.tissue.grip_ratio(self._holder or 0) > GRIPPED
+        gently = pull is OFF_THE_LIVER and self._points > BY_DISSECTOR
+        most = GRIPPED_OFF if gently else GRIPPED
+        pulling.drawn |= self.tissue.grip_ratio(self._holder or 0) > most
         pulling.drawn |= self.tissue.beam.broken - pulling.broken > GIVES_WAY
         while pulling.stage < STAGES:
             # By stages, so that whoever goes aside first and then deeper keeps near the line.
             far = STAGE_MM * (pulling.stage + 1)
             place = pulling.start + far * np.array(pull.direction)
             if not pulling.drawn and math.dist(held, place) > IN_RING_MM:
-                words = pull.words.format(name, far, STAGES * STAGE_MM)
+                words = pull.words.format(name, pulling.stage + 1, STAGES)
                 return NextStep(words, strands, place=three(place), hand=LEFT, leads=True)
             pulling.stage += 1
         pulling.drawn = True
@@ -312,7 +332,8 @@ class Guidance:
         if moved.max() > MOVED_MM**2:
             self._mover = int(moved.argmax())
         pushes = (np.array(self.tissue.forces) ** 2).sum(axis=1) > PUSHES_N**2
-        ratio, opened = self.tissue.stress_ratio, any(each.opening for each in self.tissue.hands)
+        ratio, hands = self.tissue.stress_ratio, self.tissue.hands
+        opened = any(each.opening for each in hands if each.instrument not in COMES_OPEN)
         # From where it is too taut to where it no longer is, it goes on being slackened, unless it
         # is strained with no hand pulling. Jaws come to what is slack: a press adds to a pull.
         pulled = self._pulling is None and pushes[LEFT] and not pushes[RIGHT]

@@ -24,6 +24,8 @@ RADIUS: dict[Instrument, float] = {
 """mm, of the rods that an instrument is."""
 LENGTH: dict[Instrument, float] = {"right angle": 14.0}
 """mm, of a bent tip as it is drawn; others go on through their trocar."""
+COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
+"""What is brought with open jaws."""
 CLIP_OPENING = 6.0
 """mm between jaws that close a tube, as they come open: wider than the cystic duct."""
 MOST_OPENING = 40.0

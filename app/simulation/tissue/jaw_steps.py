@@ -10,10 +10,15 @@ from app.anatomy import tube_title
 from app.simulation.exercises.next_step import (
     BACK,
     BACK_ALONG,
+    BETWEEN_BLADES,
+    BLADES_OUT,
+    BLADES_STRAIN,
     CLOSE,
     CLOSE_FEW,
     CLOSES,
+    CUT,
     LEAVE,
+    NOTHING_BETWEEN,
     OPEN,
     OPENS,
     PART,
@@ -21,6 +26,7 @@ from app.simulation.exercises.next_step import (
     PINCHED,
     PRESSES,
     SWEEP,
+    TUBE_BETWEEN,
     TURN,
     UNDER,
     WITHDRAW,
@@ -28,6 +34,7 @@ from app.simulation.exercises.next_step import (
     NextStep,
     Three,
 )
+from app.simulation.inputs.clock import TICK_SECONDS
 from app.simulation.inputs.hand import GRIP_N, Hand
 from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
@@ -83,7 +90,7 @@ class JawSteps:
 
     def __init__(self, tissue: SpatialTissue, places: PartingPlaces, site: Site) -> None:
         self._tissue, self._places, self.site = tissue, places, site
-        self._tool: Instrument = "dissector" if site.beside is None else "right angle"
+        self._tool: Instrument = site.tool
         self._state: State = "to come"
         self._opening = 0.0  # mm, at the last judgement
         self._broken = tissue.beam.broken
@@ -95,6 +102,8 @@ class JawSteps:
         self._stuck = 0  # judgements in a row at which jaws strained a wall on their way back
         self._clear: Floats | None = None  # (3,) mm, where a bent tip is clear of what it lifted
         self._pressed = False  # whether the tip has pressed too hard here for jaws to part
+        self._begun_at = tissue.ticks
+        self._why = ""  # blades are drawn out that have cut nothing
         self.strained = 0
         """How often a wall was too taut meanwhile."""
 
@@ -135,7 +144,8 @@ class JawSteps:
             return off > OUT_MM and not hand.opening
         # A bent tip that is only led aside may still lie behind a wall.
         front = float((hand.place - self._back) @ TROCARS[RIGHT].shaft(self._back))
-        return not hand.opening and (front > OUT_MM or off > FAR_MM)
+        open_jaws = hand.opening and self._tool != "scissors"
+        return not open_jaws and (front > OUT_MM or off > FAR_MM)
 
     @property
     def fruitless(self) -> bool:
@@ -149,12 +159,15 @@ class JawSteps:
 
     @property
     def _gives_up(self) -> bool:
-        return self.strained_often or self._pressed
+        return self.strained_often or self._pressed or bool(self._why)
 
     def follow(self) -> None:
         """Note how far the jaws have come."""
         hand, site, place = self._hand, self.site, self._place
         if hand is None:
+            return
+        if self._tool == "scissors":
+            self._follow_blades(hand)
             return
         if self._tissue.stress_ratio < TAUT:
             self._stuck = 0
@@ -184,6 +197,8 @@ class JawSteps:
         elif self._state == "pinched" and opens:
             self._state = "to leave"
             self._leave()
+        elif self._state == "to leave" and closes and self._tissue.stress_ratio > TAUT:
+            self._state, self._wall = "pinched", self._tissue.most_stressed
         elif self._state == "to leave":
             if self._tissue.stress_ratio > TAUT:
                 # A ring that moved at once, or while nobody goes there, could not be followed.
@@ -212,6 +227,25 @@ class JawSteps:
             self._leaves += 1
             self._state, self._wall = "to leave", between
             self._leave()
+
+    def _follow_blades(self, hand: Hand) -> None:
+        """Note how far scissors have come, which cut with one press."""
+        tissue = self._tissue
+        if self._state == "to withdraw" or self._why:
+            return
+        if tissue.since_closed(RIGHT) <= (tissue.ticks - self._begun_at) * TICK_SECONDS:
+            self._state = "to withdraw"
+        elif self._state == "to come":
+            if self._is_at(self._beside):
+                self._state = "beside"
+        elif tissue.stress_ratio > TAUT:
+            self._why = BLADES_STRAIN.format(tube_title(tissue.most_stressed))
+        elif math.dist(hand.place, self._place) < IN_RING_MM:
+            blades = tissue.blades(RIGHT)
+            if tubes := blades.tubes(tissue.beam):
+                self._why = TUBE_BETWEEN.format(tube_title(tissue.tubes.names[tubes[0].tube]))
+            elif not blades.strands(tissue.beam, tissue.rods_of(RIGHT))[self.strands].any():
+                self._why = NOTHING_BETWEEN
 
     def next_step(self) -> NextStep:
         """Return what is to be done next."""
@@ -243,13 +277,17 @@ class JawSteps:
             return self._step(words.format(tool))
         if self._pressed:
             return self._step(PRESSES.format(tool))
+        if self._why:
+            return self._step(BLADES_OUT.format(tool, self._why))
         beside = self._state == "beside"
         place = self._place if beside else self._beside
         there = hand is not None and math.dist(hand.place, place) < IN_RING_MM
         if there and not site.sweeps:
-            words = (OPEN if self._is_at(place) else TURN).format(tool)
+            there_words = CUT if tool == "scissors" else OPEN
+            words = (there_words if self._is_at(place) else TURN).format(tool)
         elif beside:
-            words = PASS[site.where].format(tool, *titles)
+            passes = BETWEEN_BLADES if tool == "scissors" else PASS[site.where]
+            words = passes.format(tool, *titles)
         else:
             words = PART[site.where].format(*titles, tool)
         step = self._step(words, place, through=beside, leads=not there)
@@ -258,7 +296,7 @@ class JawSteps:
     def withdrawn(self) -> NextStep:
         """Return that the jaws strain a wall, and where they go then."""
         wall = self._tissue.most_stressed
-        if self.site.beside is None or self._state == "to come":
+        if self._tool != "right angle" or self._state == "to come":
             self._stuck += self.begun
             return self._step(WITHDRAW.format(self._tool, tube_title(wall)))
         # A bent tip that has passed behind something goes back along itself, past what lies in

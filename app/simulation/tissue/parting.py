@@ -10,6 +10,9 @@ A right angle parts the rest (passes.py). A place counts less, each time that ja
 is left at last runs from the cystic duct to what enters the neck beside it. A dissector parts that
 from the front: one jaw goes to the neck and the duct, the other away from both. Or it is swept
 through, closed.
+
+What holds two tubes together and does not part by jaws, which would strain the tubes before, is
+cut by scissors whose blades lie between the two.
 """
 
 import math
@@ -27,7 +30,9 @@ from app.simulation.exercises.critical_view import (
     Part,
 )
 from app.simulation.exercises.next_step import Where
+from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
+from app.simulation.tissue.cuts import IN_FRONT_MM, best_cut
 from app.simulation.tissue.instruments import RADIUS
 from app.simulation.tissue.passes import Passes
 from app.simulation.tissue.reached_tube import wall_gap
@@ -55,6 +60,8 @@ OFF_DUCT, PAST_DUCT_MM = 0.35, 2.5
 openings that were tried in the physics, those that parted most (docs/scope.md)."""
 DUCT_MM = 4.0
 """mm of the cystic duct at the neck, that say which way it runs."""
+CUT_AFTER, CUT_LEAST = 2, 5
+"""How often little parts between two tubes until scissors cut it, and strands that they cut."""
 LEFT_OVER = 0.25
 """Of the strands near a place, up to which nothing is left to part there."""
 
@@ -98,7 +105,8 @@ class Site(NamedTuple):
     offset: Floats  # (3,) mm, from the anchor's middle
     along: Floats  # (3,) along which jaws part, or a bent tip's direction, from its end back
     through: Floats | None  # (3,) mm, how open jaws are led on from there, if they are
-    beside: Floats | None = None  # (3,) mm, from there to where a bent tip comes from, if it is
+    tool: Instrument = "dissector"
+    beside: Floats | None = None  # (3,) mm, from there to where a bent tip or blades come from
     sweeps: bool = False  # whether jaws are led on closed
 
 
@@ -122,6 +130,8 @@ class PartingPlaces:
         if part != "plate" and (points > BY_DISSECTOR or view.triangle >= SOME):
             if not lacking.size:
                 return None
+            if (site := self._cut(lacking)) is not None:
+                return site
             beside = lacking[self._beside_duct(lacking)]
             if part == "tubes" and beside.size > NECK_ONLY * lacking.size:
                 group = max(self._groups(beside), key=len)
@@ -273,7 +283,29 @@ class PartingPlaces:
         nearest = int((off**2).sum(axis=1).argmin())
         where: Where = "behind" if self._tissue.tubes.strands.to[group[0]] < 0 else "between"
         anchor, weight = int(group[nearest]), float(near.size)
-        return Site(where, group, near, anchor, weight, off[nearest], tip.along, None, tip.beside)
+        return Site(
+            where, group, near, anchor, weight, off[nearest], tip.along, None, "right angle",
+            tip.beside,
+        )  # fmt: skip
+
+    def _cut(self, which: Ints) -> Site | None:
+        """Return where scissors cut what does not part between two tubes, if there is room."""
+        if "scissors" not in self._tissue.instruments:
+            return None
+        for group in sorted(self._groups(which), key=len, reverse=True):
+            tried = self._fruitless[self._tubes_of(group)] % (CUT_AFTER + 1)
+            if tried < CUT_AFTER or self._tissue.tubes.strands.to[group[0]] < 0:
+                continue
+            cut = best_cut(self._tissue.beam, *self._ends(group))
+            if cut is None or cut.strands.sum() < CUT_LEAST:
+                continue
+            near = group[cut.strands]
+            offset = cut.tip - self._middles(near[:1])[0]
+            return Site(
+                "between", group, near, int(near[0]), float(near.size), offset, cut.spread, None,
+                "scissors", IN_FRONT_MM * TROCARS[1].shaft(cut.tip),
+            )  # fmt: skip
+        return None
 
     def _at_edge(self, place: Floats, along: Floats) -> Floats:
         """(3,) where jaws part from the edge of what holds there, with no less room, mm."""

@@ -11,6 +11,7 @@ from app.anatomy import tube_title
 from app.classroom.photograph import photograph_of
 from app.simulation import (
     CLIP_OPENING,
+    COMES_OPEN,
     FIELD_OF_VIEW,
     GRIP_N,
     GRIPS_AT,
@@ -84,6 +85,7 @@ STOPPED = (
 JAWS_STOPPED = (
     "It lies in or beside the jaws. Close them (G), lead them further from it, and part there."
 )
+DO_NEXT = "Do what the panel asks for as Next."
 NEXT_SLACKENS = f"Do what the panel asks for as Next: that slackens it. {INSISTING}"
 CLOSED_ON = (
     "A wall lies between the jaws: open them again (G), lead them deeper or less deep, and close "
@@ -103,8 +105,6 @@ JUDGED_TICKS, USED_TICKS = 15, 4
 begun to move."""
 PARTS: frozenset[Instrument] = frozenset({"dissector", "right angle"})
 """Instruments whose jaws part tissue."""
-COMES_OPEN: frozenset[Instrument] = frozenset({"clip applier", "scissors"})
-"""Instruments whose jaws come open."""
 SUCTION = 15.0
 """ml/s."""
 QUICK_TURNS, AT_BAR, QUICK_MOVES = 3.0, 0.02, 4.0
@@ -650,7 +650,8 @@ class ScopeLead:
         push = math.hypot(*self.session.spatial.forces[hand])
         if push > GRIPS_AT * GRIP_N and goal > opened and self._state.figures_visible:
             self._jaws[hand] = None
-            self._say_stopped(PUSHED, f"the jaws push with {push:.0f} N")
+            advice = PUSHED if self.next_step is None else DO_NEXT
+            self._say_stopped(advice, f"the jaws push with {push:.0f} N")
             return
         crushed = self._crushes[hand]
         # From where closing jaws strain a wall to where that is slack, or they touch nothing, they

@@ -424,7 +424,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             ),
         ),
         ErrorClass(
-            "unseen", "Tore what you did not see", 9,
+            "unseen", "Parted what you did not see", 9,
             "in one tick `strands` or more strands part on the side away from the viewer, more "
             "than 5 mm from every instrument",
             "at {t:.1f} s {n:.0f} strands on the far side parted, out of sight",
