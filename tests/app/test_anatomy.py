@@ -121,7 +121,7 @@ def test_arteries_leave_the_walls_that_they_join_at_once(cases: list[Anatomy]) -
         for join in anatomy.join:
             if join.tube.startswith("artery"):
                 tube, to = lines[join.tube], lines[join.to]
-                at = int(np.abs(to.stations - join.at_mm).argmin())
+                at = int(np.abs(to.stations - joined_station(join, to)).argmin())
                 along = tube.length - tube.stations if join.end else tube.stations
                 beyond = along > 2.0 * (tube.radius[0] + to.radius[at]) + 0.5
                 apart = np.linalg.norm(tube.places[beyond, np.newaxis] - to.places, axis=2)
