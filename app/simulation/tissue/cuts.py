@@ -69,5 +69,9 @@ def _room(cut: Cut, beam: BeamOnBed) -> float:
     """Return how well blades pass, from 0, where a wall is in their plane, to 1, off all walls."""
     half = 0.5 * CLIP_OPENING
     sides = (cut.spread, -half, half), (TROCARS[1].shaft(cut.tip), 0.0, FROM_FRONT_MM)
-    gap = min(wall_gap(beam, name, cut.tip, *sides) for name in beam.network.tubes)
-    return min(max(gap / RADIUS["scissors"], 0.0), 1.0)
+    room = 1.0
+    for name in beam.network.tubes:
+        room = min(room, wall_gap(beam, name, cut.tip, *sides) / RADIUS["scissors"])
+        if room <= 0.0:  # whatever the other tubes leave
+            return 0.0
+    return room
