@@ -36,7 +36,6 @@ from app.simulation.exercises.next_step import (
 )
 from app.simulation.inputs.clock import TICK_SECONDS
 from app.simulation.inputs.hand import GRIP_N, Hand
-from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.passes import JAW_MM
@@ -90,7 +89,6 @@ class JawSteps:
 
     def __init__(self, tissue: SpatialTissue, places: PartingPlaces, site: Site) -> None:
         self._tissue, self._places, self.site = tissue, places, site
-        self._tool: Instrument = site.tool
         self._state: State = "to come"
         self._opening = 0.0  # mm, at the last judgement
         self._broken = tissue.beam.broken
@@ -144,7 +142,7 @@ class JawSteps:
             return off > OUT_MM and not hand.opening
         # A bent tip that is only led aside may still lie behind a wall.
         front = float((hand.place - self._back) @ TROCARS[RIGHT].shaft(self._back))
-        open_jaws = hand.opening and self._tool != "scissors"
+        open_jaws = hand.opening and self.site.tool != "scissors"
         return not open_jaws and (front > OUT_MM or off > FAR_MM)
 
     @property
@@ -166,7 +164,7 @@ class JawSteps:
         hand, site, place = self._hand, self.site, self._place
         if hand is None:
             return
-        if self._tool == "scissors":
+        if self.site.tool == "scissors":
             self._follow_blades(hand)
             return
         if self._tissue.stress_ratio < TAUT:
@@ -249,7 +247,7 @@ class JawSteps:
 
     def next_step(self) -> NextStep:
         """Return what is to be done next."""
-        site, tool, hand = self.site, self._tool, self._hand
+        site, tool, hand = self.site, self.site.tool, self._hand
         names, ends = self._tissue.tubes.names, self._tissue.tubes.strands
         numbers: list[int] = [int(ends.tubes[site.anchor]), int(ends.to[site.anchor])]
         titles = [tube_title(names[each]) for each in numbers if each >= 0]
@@ -296,9 +294,9 @@ class JawSteps:
     def withdrawn(self) -> NextStep:
         """Return that the jaws strain a wall, and where they go then."""
         wall = self._tissue.most_stressed
-        if self._tool != "right angle" or self._state == "to come":
+        if self.site.tool != "right angle" or self._state == "to come":
             self._stuck += self.begun
-            return self._step(WITHDRAW.format(self._tool, tube_title(wall)))
+            return self._step(WITHDRAW.format(self.site.tool, tube_title(wall)))
         # A bent tip that has passed behind something goes back along itself, past what lies in
         # front of it still.
         if self._state == "to withdraw":
@@ -306,7 +304,7 @@ class JawSteps:
         if self._stuck % LEAVES_FOR == LEAVES_FOR - 1:
             self._leave()
         self._stuck += 1
-        words = WITHDRAW_ALONG.format(self._tool, tube_title(wall))
+        words = WITHDRAW_ALONG.format(self.site.tool, tube_title(wall))
         return self._into_ring(words, self._back if self._stuck < LEAVES_FOR else self._left)
 
     def _leave(self) -> None:
@@ -368,7 +366,13 @@ class JawSteps:
     ) -> NextStep:
         at = None if place is None else three(place)
         return NextStep(
-            words, self.strands, place=at, hand=RIGHT, tool=self._tool, through=through, leads=leads
+            words,
+            self.strands,
+            place=at,
+            hand=RIGHT,
+            tool=self.site.tool,
+            through=through,
+            leads=leads,
         )
 
     @property
@@ -390,7 +394,7 @@ class JawSteps:
     def _hand(self) -> Hand | None:
         """The right hand, if it has what parts the tissue here."""
         hand = self._tissue.hands[RIGHT]
-        return hand if hand.instrument == self._tool else None
+        return hand if hand.instrument == self.site.tool else None
 
     def _is_at(self, place: Floats) -> bool:
         """Return whether the right hand's tip is in a ring, turned along its bar."""
