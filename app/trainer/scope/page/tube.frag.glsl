@@ -20,6 +20,9 @@ void main() {
   vec2 uv = vOn / 34.0;
   vec4 t = texture2D(uNoise, uv), t2 = texture2D(uNoise, uv * 3.3 + 0.4), t3 = NOISE(uv.yx * vec2(2.0, 0.8), t2.gbra);
   vec3 base = mix(mix(uColor, uDeep, 0.75 * smoothstep(0.35, 0.75, t.r)), uOnto.rgb, vOnto) * (0.84 + 0.34 * t2.r);
+  // Where it goes on as another under fat, peritoneum and lobules lie on it.
+  float veil = f.r * smoothstep(0.42, 0.78, pow(vOnto, 0.25) + 0.5 * (t.g - 0.5) + 0.3 * (t2.r - 0.5));
+  base = mix(base, mix(vec3(0.56, 0.28, 0.15), vec3(0.84, 0.56, 0.24), t.g), 0.9 * veil);
   base = mix(base, vec3(0.45, 0.03, 0.025), uLook.x * (0.75 * t.a + 0.65 * t2.a));
   base = mix(base, vec3(0.80, 0.66, 0.56), uCoat.x * smoothstep(0.45, 0.85, t3.b) * smoothstep(0.40, 0.6, t.r));
   float fleck = uCoat.y * smoothstep(0.52, 0.66, t2.r * 0.6 + t.g * 0.4) * smoothstep(0.45, 0.60, t3.r);
