@@ -16,6 +16,8 @@ passes behind lies otherwise."""
 OPENED, CLEARED = 0.3, 0.8
 """Fractions of the triangle's strands, from which on the gallbladder is drawn off the liver, for so
 many points and for more: freed there, it gives room for the rest."""
+NEARLY = 0.99
+"""Of the way to its points, that is shown at most until all of them are there."""
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
 
 Part = Literal["triangle", "tubes", "plate"]
@@ -51,6 +53,17 @@ class CriticalView:
             _line("triangle", self.triangle_cleared, _free(self.triangle)),
             _line("cystic plate", self.plate_freed, _free(self.plate)),
         ]
+
+    def towards(self, points: int) -> float:
+        """Return how far it has come to so many points, 0 to 1: 1 only once they are reached."""
+        if self.total >= points:
+            return 1.0
+        # Two structures alone are seen at once; what is on its way to a point counts in part.
+        parts = self.two_structures + sum(
+            min(each / SOME, 1.0) + min(max(each - SOME, 0.0) / (ENOUGH - SOME), 1.0)
+            for each in (self.triangle, self.plate)
+        )
+        return min(parts / points, NEARLY)
 
     def next_parts(self, points: int) -> list[Part]:
         """Return what to free next for so many points, what is easiest first; none at the end."""

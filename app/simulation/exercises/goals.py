@@ -366,7 +366,7 @@ class _Viewing:
 
     def __init__(self, goal: CriticalView) -> None:
         self._goal, self._ticks, self._points = goal, 0, 0
-        self._show([])
+        self._show(0.0, [])
 
     def take(self, recorder: MetricsRecorder) -> bool:
         """Take a tick; return whether the goal is reached."""
@@ -375,7 +375,7 @@ class _Viewing:
         if self._ticks % VIEW_TICKS == 0:
             view = recorder.critical_view()
             self._points = view.total
-            self._show(view.checklist())
+            self._show(view.towards(self._goal.points), view.checklist())
         self._ticks += 1
         if self._points < self._goal.points:
             return False
@@ -405,10 +405,9 @@ class _Viewing:
         self.so_far = self.standing = f"the view reached; {'; '.join(words)}" if words else ""
         return not left
 
-    def _show(self, checklist: Sequence[str]) -> None:
+    def _show(self, progress: float, checklist: Sequence[str]) -> None:
         asked = self._goal.points
-        # One step may bring two.
-        self.progress = (0.5 if self._goal.closes else 1.0) * min(self._points / asked, 1.0)
+        self.progress = (0.5 if self._goal.closes else 1.0) * progress
         self.so_far = f"{self._points} of {MOST_POINTS} points, {asked} asked"
         self.standing = "; ".join([self.so_far, *checklist])
 
