@@ -56,7 +56,8 @@ def where(each: Incident, *, hands: bool) -> str:
     if each.station_mm is not None:
         phrases.append(f"at {each.station_mm:.0f} mm")
     if each.consequence != "none":
-        phrases.append(each.consequence)
+        # Beside a near miss, 'minor' alone would seem the lesser.
+        phrases.append("minor harm" if each.consequence == "minor" else each.consequence)
     return ", ".join(phrases)
 
 
