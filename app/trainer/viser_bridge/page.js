@@ -344,7 +344,7 @@ document.addEventListener("click", event => {
 
 const NOTICE_MS = 20000;  // for which viser's note of a page that draws in software is shown
 
-// How fast a page draws the surfaces: some pictures are timed, drawn as fast as it can.
+// How fast a page draws the surfaces, or the scope's picture: some pictures are timed, drawn as fast as it can.
 page.watchPace = (least, uuid, remedy) => {
   nameRemedy(remedy, 60);
   if (uuid) setTimeout(() => measurePace(rate => {
@@ -364,7 +364,8 @@ const nameRemedy = (remedy, left) => {
 };
 const measurePace = done => {
   const scene = viewer()?.scene, times = [];
-  if (!scene || !window.bluntdissectSurfaces?.surfaces.size || document.hidden) {
+  const drawn = window.bluntdissectSurfaces?.surfaces.size || window.bluntdissectScope?.picture?.drawn > 2;
+  if (!scene || !drawn || document.hidden) {
     setTimeout(() => measurePace(done), 1000);
     return;
   }
