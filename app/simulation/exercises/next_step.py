@@ -68,8 +68,8 @@ ELSEWHERE = ", to hold it elsewhere"
 PULLS = ": its pull leaves the {} no room"
 STAYS_TAUT = ": the {} stays strained"
 LIFTED = (
-    "Next: let go of the {} with the left hand's grasper (G): it is lifted, and what is slack "
-    "leaves jaws room."
+    "Next: let go of the {} with the left hand's grasper (G): jaws have more room where nothing "
+    "pulls."
 )
 SLACKEN = (
     "Next: let the {} back{} with the left hand until Highest stress is under {:.0f} %: "
@@ -80,12 +80,15 @@ WITHDRAW_ALONG = (
     "Next: lead the right hand's {} back along its tip, into the ring: it strains the {}."
 )
 PINCHED = "Next: open the right hand's {} again (G): the {} lies between its jaws."
-LEAVE = "Next: lead the right hand's open {} off the {}, into the ring."
+LEAVE = "Next: lead the right hand's {} off the {}, into the ring."
 PRESSES = (
     "Next: draw the right hand's {} out of the tissue (wheel back): it presses too hard for jaws "
     "to part."
 )
-MARK = "Next: mark the {}: choose it under Point at, and press it in the picture (K, then G)."
+MARK = (
+    "Next: mark the {}: choose it under Point at, and press it in the picture. If it is hidden, "
+    "look from aside (Z, then Y, J, L)."
+)
 CLIP = "clip {} of {}, to {}: "
 DIVIDE = "divide it between its clips: "
 """For what jaws are brought somewhere."""

@@ -51,11 +51,12 @@ SLIDES_MM = 4.0
 """mm along a tube, up to which jaws about it are led to their place; farther, they come anew."""
 PER_MM = 10.0
 """Strands for which a mm counts by which a jaw would have to push another tube aside."""
-SHIFTS_MM, MOST_STRAINED, SPACE_APART_MM = (0.0, 1.5, -1.5, 3.0, -3.0), 2, 1.2
-"""mm by which a place is shifted, one after the other, once jaws have strained a wall so often on
-their way there; and off clips and ends that stays."""
-NEAR_MM, APART_MM = 1.5, 0.7
-"""mm from its place, up to which jaws are well placed, and from a clip, from which on they are."""
+SHIFTS_MM, MOST_IN_VAIN, SPACE_APART_MM = (0.0, 1.5, -1.5, 3.0, -3.0), 2, 1.2
+"""mm by which a place is shifted, one after the other, once jaws have come there so often that
+could not close; and off clips and ends that stays."""
+NEAR_MM, APART_MM, CLIPS_APART_MM = 1.5, 0.7, 1.6
+"""mm from its place, up to which jaws are well placed; and from a clip, from which on scissors are,
+and another clip, between which and the first there is room for scissors."""
 
 
 class Bleeding(NamedTuple):
@@ -148,7 +149,7 @@ class JawsOnTube:
         self._site: tuple[object, float] = None, 0.0  # what is asked for, and its station, mm
         self.others = 0
         """How often another tube has come between, too."""
-        self._beside = False  # whether one is there
+        self._beside = 0  # 1 while one is there, 2 with the tube itself
 
     def next_step(
         self,
@@ -197,9 +198,10 @@ class JawsOnTube:
                 found = tissue.between_jaws(hand.place, np.array(hand.aim), jaws)
             between = {tissue.tubes.names[number]: at for number, at in found}
         title, others = tube_title(tube), [each for each in between if each != tube]
-        self.others += bool(others) and not self._beside
-        self._beside = bool(others)
         leads = not is_good(between)
+        beside = bool(others) + (bool(others) and tube in between)
+        self.others += beside > self._beside
+        self._beside = beside
         off = site.tip - hand.place
         if leads and between and float(off @ off) > SLIDES_MM**2:
             # Jaws about a tube would take that along.
@@ -211,6 +213,7 @@ class JawsOnTube:
             words = f"Next: {purpose}{INTO_RING.format(tool, title, bar)}"
         elif others:
             words = BESIDE_JAWS.format(tool, tube_title(others[0]))
+            return NextStep(words, hand=RIGHT, tool=tool)
         else:
             words = CLOSE_NOW[tool].format(title)
         return NextStep(
@@ -276,20 +279,25 @@ class ClosingSteps:
         far, use = place_to_close(clips, stay, go, span, self._further[tube])
         if self._place != (tube, len(clips)):
             self._place, self.strained = (tube, len(clips)), 0
-        if shift := SHIFTS_MM[self.strained // MOST_STRAINED % len(SHIFTS_MM)]:
-            ends = [0.0, *clips, span]
-            at = bisect.bisect(ends, far)
-            far = float(
-                np.clip(far + shift, ends[at - 1] + SPACE_APART_MM, ends[at] - SPACE_APART_MM)
-            )
+        ends = [0.0, *clips, span]
+        place = bisect.bisect(ends, far)
+        if shift := SHIFTS_MM[self.in_vain // MOST_IN_VAIN % len(SHIFTS_MM)]:
+            low, high = ends[place - 1] + SPACE_APART_MM, ends[place] - SPACE_APART_MM
+            far = float(np.clip(far + shift, low, high))
+
+        # Between clips that lie too close, where there is room still.
+        least = min(APART_MM, 0.3 * (ends[place] - ends[place - 1]))
+        if use != "divide":
+            least = CLIPS_APART_MM
 
         def is_good(between: dict[str, float]) -> bool:
             """Return whether jaws are on the tube there, off its clips."""
             if tube not in between:
                 return False
             at = span - between[tube] if at_end else between[tube]
-            apart = all(abs(at - each) >= APART_MM for each in clips)
-            return apart and abs(at - far) <= NEAR_MM
+            apart = all(abs(at - each) >= least for each in clips)
+            # Beyond the next clip, however near, it would leave too few on one side.
+            return apart and abs(at - far) <= NEAR_MM and bisect.bisect(ends, at) == place
 
         stations = [span - far - each if at_end else far + each for each in ASIDE_MM]
         if use == "divide":

@@ -180,8 +180,8 @@ class Guidance:
                 return self._let_go(PULLS.format(self._jaws.site.tool))
             if self._pulling is None and not bent and not self._jaws.begun:
                 self._pulling = self._pull_for(view, self._jaws.site)
-            if self._jaws.stays_strained and self._holder is not None:
-                return self._let_go(STAYS_TAUT.format(tube_title(self.tissue.most_stressed)))
+            if (let_go := self._let_go_taut()) is not None:
+                return let_go
             if self._pulling is None or bent:
                 return self._let_back(view) or self._jaws.next_step()
             step = self._pull_step(self._pulling)
@@ -193,7 +193,7 @@ class Guidance:
         self._follow()
         if self._jaws is None or not self._jaws.begun:
             return None
-        return self._strained() or self._jaws.next_step()
+        return self._strained() or self._let_go_taut() or self._jaws.next_step()
 
     def _pressed(self) -> NextStep | None:
         """Return how a wall is slackened as jaws come to close on a tube; None if none is taut."""
@@ -221,7 +221,8 @@ class Guidance:
         if jaws is None:
             return
         jaws.follow()
-        if jaws.is_over:
+        # What strains a wall is drawn back by the same steps, however far off its place it is.
+        if jaws.is_over and self.tissue.stress_ratio < TAUT:
             self._jaws = None
             if jaws.tried and self._part is not None:
                 self._places.note_tried(jaws.site, fruitless=jaws.fruitless)
@@ -249,6 +250,12 @@ class Guidance:
         """Return that the gallbladder is let go."""
         words = LET_GO.format(tube_title(self._safety.gallbladder), why)
         return NextStep(words, self._strands, hand=LEFT)
+
+    def _let_go_taut(self) -> NextStep | None:
+        """Return that it is let go where jaws that are drawn back strain a wall; else None."""
+        if self._jaws is None or not self._jaws.stays_strained or self._holder is None:
+            return None
+        return self._let_go(STAYS_TAUT.format(tube_title(self.tissue.most_stressed)))
 
     def _pull_for(self, view: CriticalView, site: Site) -> _Pulling | None:
         """Return how the gallbladder is to be drawn before jaws part at a place, if it is."""
@@ -294,6 +301,8 @@ class Guidance:
         most = GRIPPED_OFF if gently else GRIPPED
         pulling.drawn |= self.tissue.grip_ratio(self._holder or 0) > most
         pulling.drawn |= self.tissue.beam.broken - pulling.broken > GIVES_WAY
+        # Drawn further, what holds is let back again before jaws come.
+        pulling.drawn |= not pull.lets_go and self.tissue.stress_ratio > EASED
         while pulling.stage < STAGES:
             # By stages, so that whoever goes aside first and then deeper keeps near the line.
             far = STAGE_MM * (pulling.stage + 1)

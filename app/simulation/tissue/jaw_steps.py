@@ -68,6 +68,8 @@ beyond that."""
 LEAVES_MM, LEAVES_FOR = (3.0, 5.0, 8.0, 12.0), 4
 """By which bent jaws may go to leave a wall, to the front, deeper, or back or on along the tip; and
 the judgements for which they are asked to while a wall stays strained."""
+DIRECTIONS = 4
+"""To the front, deeper, back and on: once open jaws were led in all of them, they are closed."""
 NEEDS_MM, COSTS = 1.0, 0.1
 """How far open jaws are to be off a wall before they close, and what each mm of the way there
 counts for against that."""
@@ -173,10 +175,13 @@ class JawSteps:
         opens = hand.opening > self._opening + MOVES_MM
         closes, self._opening = hand.opening < self._opening - MOVES_MM, hand.opening
         if not self.begun:
-            force = math.hypot(*self._tissue.forces[RIGHT])
+            presses = math.hypot(*self._tissue.forces[RIGHT]) > GRIPS_AT * GRIP_N
+            passed = self._state == "beside" and self._is_at(place)
             if hand.opening and math.dist(hand.place, place) < LEFT_MM:
                 self._state = "opening"
-            elif force > GRIPS_AT * GRIP_N and self._is_at(self._beside):
+            elif (presses and passed) or (self._state == "beside" and self.strained_often):
+                self._state = "closed"  # it goes back as it came
+            elif presses and self._is_at(self._beside):
                 self._pressed = True
             elif site.beside is not None and self._is_at(self._beside):
                 self._state = "beside"
@@ -203,7 +208,11 @@ class JawSteps:
                 self._in_vain += 1
                 led = (hand.target != self._led_from).any()
                 if led and self._in_vain % LEAVES_FOR == 0:
-                    self._leave()
+                    if len(self._led_off) < DIRECTIONS:
+                        self._leave()
+                    else:  # wherever they are led they strain it
+                        self._state = "to close"
+                        self._led_off.clear()
             elif not opens and math.dist(hand.place, self._left) < IN_RING_MM:
                 self._state = "to close"
         elif closes:
@@ -260,16 +269,16 @@ class JawSteps:
             return self._into_ring(BACK_ALONG.format(tool), self._back)
         if self.begun:
             if self._state == "to withdraw":
-                shaft = TROCARS[RIGHT].shaft(self._back)
-                # Who is in that ring is out of the tissue.
-                return self._step(BACK.format(tool), self._back + (OUT_MM + IN_RING_MM) * shaft)
+                return self._drawn_out()
             if self._state == "closing" and self._tissue.stress_ratio > TAUT:
                 # Jaws that close on a wall close once they are drawn off it.
                 return self.withdrawn()
             if self._state == "pinched":
                 return self._step(PINCHED.format(tool, tube_title(self._wall)))
             if self._state == "to leave":
-                return self._into_ring(LEAVE.format(tool, tube_title(self._wall)), self._left)
+                return self._into_ring(
+                    LEAVE.format(f"open {tool}", tube_title(self._wall)), self._left
+                )
             moves = {"opening": OPENS, "closing": CLOSES}
             words = moves.get(self._state, CLOSE_FEW if self.fruitless else CLOSE)
             return self._step(words.format(tool))
@@ -277,6 +286,8 @@ class JawSteps:
             return self._step(PRESSES.format(tool))
         if self._why:
             return self._step(BLADES_OUT.format(tool, self._why))
+        if self.strained_often:
+            return self._drawn_out()
         beside = self._state == "beside"
         place = self._place if beside else self._beside
         there = hand is not None and math.dist(hand.place, place) < IN_RING_MM
@@ -291,12 +302,20 @@ class JawSteps:
         step = self._step(words, place, through=beside, leads=not there)
         return step if site.sweeps else step._replace(along=three(site.along))
 
+    def _drawn_out(self) -> NextStep:
+        """Return that the jaws are drawn out of the tissue."""
+        shaft = TROCARS[RIGHT].shaft(self._back)
+        # Who is in that ring is out of the tissue.
+        place = self._back + (OUT_MM + IN_RING_MM) * shaft
+        return self._step(BACK.format(self.site.tool), place)
+
     def withdrawn(self) -> NextStep:
         """Return that the jaws strain a wall, and where they go then."""
         wall = self._tissue.most_stressed
-        if self.site.tool != "right angle" or self._state == "to come":
+        tool, title, comes = self.site.tool, tube_title(wall), self._state == "to come"
+        if tool != "right angle":
             self._stuck += self.begun
-            return self._step(WITHDRAW.format(self.site.tool, tube_title(wall)))
+            return self._step(WITHDRAW.format(tool, title))
         # A bent tip that has passed behind something goes back along itself, past what lies in
         # front of it still.
         if self._state == "to withdraw":
@@ -304,8 +323,11 @@ class JawSteps:
         if self._stuck % LEAVES_FOR == LEAVES_FOR - 1:
             self._leave()
         self._stuck += 1
-        words = WITHDRAW_ALONG.format(self.site.tool, tube_title(wall))
-        return self._into_ring(words, self._back if self._stuck < LEAVES_FOR else self._left)
+        if self._stuck >= LEAVES_FOR:
+            return self._into_ring(LEAVE.format(tool, title), self._left)
+        if comes:
+            return self._step(WITHDRAW.format(tool, title))
+        return self._into_ring(WITHDRAW_ALONG.format(tool, title), self._back)
 
     def _leave(self) -> None:
         """Choose where jaws are off all walls, in a direction in which they were not led yet."""
@@ -317,7 +339,7 @@ class JawSteps:
             worths = [self._room(hand.place + each) - COSTS * math.hypot(*each) for each in ways]
             worth = max(worths)
             best.append((worth, ways[worths.index(worth)]))
-        if len(self._led_off) == len(best):
+        if len(self._led_off) == DIRECTIONS:
             self._led_off.clear()
         number = max(
             (n for n in range(len(best)) if n not in self._led_off), key=lambda n: best[n][0]
