@@ -4,6 +4,8 @@ import itertools
 import math
 import re
 from collections import Counter
+from collections.abc import Callable
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -36,6 +38,7 @@ from app.simulation import (
 )
 from app.simulation.exercises.critical_view import CriticalView as View
 from app.simulation.exercises.goals import CriticalView
+from app.simulation.exercises.next_step import DIVIDE
 from app.simulation.scripts.scripted_hands import Clip
 from app.simulation.tissue.clip_steps import (
     HELD_MM,
@@ -112,6 +115,24 @@ def test_what_lacks_a_little_is_not_said_to_be_there(free: float, points: int, w
     """Rounded up it would say that all is there that is asked, and no point comes."""
     view = View(0, points, 0, {}, 0.0, free, 0.0, ())
     assert view.checklist()[1].endswith(f"triangle, {points} of 2: {words}")
+
+
+@pytest.mark.parametrize(
+    ("free", "plate", "points", "progress"),
+    [
+        (0.0, 0.0, 3, 0.0), (0.3, 0.0, 3, 1.0 / 6.0), (0.75, 0.0, 3, 0.5), (0.9, 0.3, 3, 2.5 / 3.0),
+        (0.89, 0.59, 3, 0.98), (0.9, 0.6, 3, 1.0), (0.9, 0.9, 5, 0.8), (1.0, 1.0, 4, 1.0),
+        (0.899, 0.899, 3, 0.99),
+    ],
+)  # fmt: skip
+def test_what_has_parted_is_progress_and_all_of_it_only_at_the_end(
+    free: float, plate: float, points: int, progress: float
+) -> None:
+    """Also before a region gives its first point, and between its two."""
+    has = [sum(each >= least for least in (0.6, 0.9)) for each in (free, plate)]
+    view = View(0, has[0], has[1], {}, 0.0, free, plate, ())
+    assert view.towards(points) == pytest.approx(progress, abs=0.005)
+    assert (view.towards(points) == 1.0) == (view.total >= points)
 
 
 def test_once_the_view_is_reached_structures_are_marked_as_what_they_are() -> None:
@@ -348,9 +369,36 @@ def test_a_clip_is_asked_for_elsewhere_once_jaws_have_strained_a_wall_twice() ->
     apart = [math.dist(each, first) for each in places]
     assert apart == pytest.approx([0.0, 1.5, 1.5, 3.0, 3.0], abs=0.8)
     assert math.dist(places[1], places[2]) > 2.0
+    # So does another tube that comes between them again and again.
+    steps.strained, steps._jaws.others = 0, 2
+    assert asked() == pytest.approx(places[1], abs=0.01)
     tissue._note("clip", names.index("artery"), 10.0, 1)
     asked()
     assert steps.strained == 0
+
+
+def test_a_tube_is_divided_between_its_clips_and_not_just_beyond_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Within reach of the place, but past the next clip, all clips would be on one side."""
+    session = viewed()
+    tissue, names = session.spatial, session.spatial.tubes.names
+    session.mark("cystic artery", names.index("artery"), 10.0)
+    span = tissue.tubes.network.tubes["artery"].span
+    scale = tissue.tubes.surfaces[names.index("artery")].scale
+    for far in (9.0, 10.5, 14.0):
+        tissue._note("clip", names.index("artery"), (span - far) / scale, 1)
+    taken = list[Callable[[dict[str, float]], bool]]()
+
+    def asked(_: object, tool: str, tube: str, stations: object, is_good: object, use: str) -> None:
+        assert (tool, tube, use) == ("scissors", "artery", DIVIDE)
+        taken.append(cast(Any, is_good))
+
+    monkeypatch.setattr(JawsOnTube, "next_step", asked)
+    ClosingSteps(Safety(tissue)).next_step(2, 1)
+    assert taken[0]({"artery": span - 9.75})
+    assert not taken[0]({"artery": span - 11.23})
+    assert not taken[0]({"cystic": 9.75})
 
 
 def test_what_is_held_is_let_go_where_jaws_come_in_vain_to_close_on_a_tube() -> None:

@@ -122,13 +122,13 @@ MARKED: dict[str, tuple[Structure, str]] = {
 def followed(seed: int, exercise: Exercise, seconds: float) -> Trainee:
     """Return a trainee who has done what the page asked for, until nothing more is.
 
-    He goes by its words, ring and bar, and misses each place by some 0.7 mm; what is asked for
-    again and again he aims at anew. Structures he knows.
+    He goes by its words, rings and bars. Where he presses, he misses by some 0.7 mm; he looks for
+    0.6 to 1.6 s first, and draws what he holds for 0.3 to 1.5 s at a time. Structures he knows.
     """
     trainee, dice = begun(exercise), np.random.default_rng(seed)
-    run, asked, again, missed = trainee.session.run, "", 0, np.zeros(3)
+    run = trainee.session.run
     while run.seconds < seconds:
-        trainee.wait(0.6)  # what is asked for is judged twice a second
+        trainee.wait(dice.uniform(0.6, 1.6))
         step = trainee.lead.next_step
         if run.over or step is None:
             break
@@ -136,14 +136,11 @@ def followed(seed: int, exercise: Exercise, seconds: float) -> Trainee:
         if marked:
             trainee.mark(*marked[0])
             continue
-        again = again + 1 if step.words == asked else 0
-        if again % 3 == 0:
-            asked, missed = step.words, dice.normal(scale=0.7, size=3)
-        trainee.follow(step, missed)
+        trainee.follow(step, dice.normal(scale=0.7, size=3), dice.uniform(0.3, 1.5))
     return trainee
 
 
-RECORDED = {"first_view": 28, "critical_view": 34}
+RECORDED = {"first_view": 32, "critical_view": 20}
 """Of these runs, by exercise, the one that *Show me* plays."""
 
 
@@ -181,7 +178,7 @@ def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
 
 @pytest.mark.long  # some eleven minutes of hands each
 @pytest.mark.parametrize(
-    ("seed", "drawn"), [(4, False), (7, False), (10, False), (8, True), (12, True), (30, True)]
+    ("seed", "drawn"), [(4, False), (7, False), (10, False), (7, True), (11, True), (12, True)]
 )
 def test_who_does_what_the_page_asks_for_reaches_the_critical_view(
     seed: int, *, drawn: bool

@@ -24,6 +24,7 @@ from app.anatomy import (
 from app.simulation import (
     FIELD_OF_VIEW,
     GRIP_N,
+    IN_RING_MM,
     TICK_SECONDS,
     TROCARS,
     Dissection,
@@ -47,10 +48,35 @@ from app.simulation import (
     run_json,
     seen_beside,
 )
-from app.simulation.exercises.next_step import PRESSES, WITHDRAW_ALONG
+from app.simulation.exercises.next_step import (
+    BACK,
+    BACK_ALONG,
+    LEAVE,
+    PRESSES,
+    WITHDRAW,
+    WITHDRAW_ALONG,
+)
 from app.simulation.inputs.trocar import DEEPEST, LENGTH
-from app.simulation.tissue.guidance import EASED, NEARLY_TORN, STAGE_MM, STAGES, Guidance
-from app.simulation.tissue.jaw_steps import DEEPER_MM, LEAVES_FOR, LEFT_MM, JawSteps
+from app.simulation.tissue.guidance import (
+    ASIDE,
+    EASED,
+    NEARLY_TORN,
+    OFF_THE_LIVER,
+    STAGE_MM,
+    STAGES,
+    TO_COMMON,
+    Guidance,
+    _Pulling,
+)
+from app.simulation.tissue.guidance import UP as LIFTED
+from app.simulation.tissue.jaw_steps import (
+    DEEPER_MM,
+    DIRECTIONS,
+    LEAVES_FOR,
+    LEFT_MM,
+    MOST_STRAINED,
+    JawSteps,
+)
 from app.simulation.tissue.parting import PartingPlaces
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import (
@@ -59,6 +85,8 @@ from app.trainer.client.scope_lead import (
     CLOSED_ON,
     CLOSES_MM_S,
     DO_NEXT,
+    DRAGGED_MM,
+    DRAWS_MM_S,
     GRIPS_AT,
     HOLDS_MM_S,
     INSISTS,
@@ -66,16 +94,19 @@ from app.trainer.client.scope_lead import (
     LEAST_PUSH_N,
     LEAST_SPEED,
     NEXT_SLACKENS,
+    NO_RING,
     NOT_IN_RING,
     NOTCH_MM,
     OFF_MM,
     PARTS_MM_S,
+    PRESSED_MM,
     PUSHED,
     QUICK_MOVES,
     RISES,
     SPREAD,
     STEADY,
     STOPS_AT,
+    THERE_MM,
     USED_TICKS,
     ScopeLead,
     Stop,
@@ -664,6 +695,74 @@ def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None
     assert jaws.tried  # so that it is asked for less
 
 
+@pytest.mark.parametrize("strained", [False, True])
+def test_a_bent_tip_that_cannot_part_where_it_has_passed_goes_back_as_it_came(
+    lead: ScopeLead, *, strained: bool
+) -> None:
+    """It presses too hard there, or has strained a wall too often; then the place is left."""
+    tissue = lead.session.spatial
+    jaws, place = asked_jaws(lead, "right angle", 5)
+    hand, site = tissue.hands[1], jaws.site
+    assert site.beside is not None
+    hand.aim = tuple(site.along.tolist())
+    for at, words in ((place + site.beside, "into the ring"), (place, "Next: open the right")):
+        hand.put(at)
+        jaws.follow()
+        assert words in jaws.next_step().words
+    if strained:
+        jaws.strained = MOST_STRAINED + 1
+    else:
+        tissue._forces = [[0.0] * 3, [GRIPS_AT * GRIP_N + 0.1, 0.0, 0.0]]
+    jaws.follow()
+    step = jaws.next_step()
+    assert step.words == BACK_ALONG.format("right angle")
+    assert step.place == pytest.approx(place + site.beside)
+    hand.put(place + site.beside)
+    jaws.follow()
+    step = jaws.next_step()
+    assert step.words == BACK.format("right angle")
+    assert not jaws.is_over
+    hand.put(np.array(step.place))
+    jaws.follow()
+    assert jaws.is_over
+    assert jaws.tried
+
+
+def test_a_tip_that_strains_a_wall_where_it_comes_to_is_drawn_out_and_led_off(
+    lead: ScopeLead,
+) -> None:
+    """Back a little at first; who is still strained by it is led off the wall; a place is left."""
+    tissue = lead.session.spatial
+    jaws, place = asked_jaws(lead, "right angle", 5)
+    taut(lead)
+    tissue.hands[1].put(place)
+    wall = tube_title(tissue.most_stressed)
+    asked = [jaws.withdrawn() for _ in range(LEAVES_FOR)]
+    assert {each.words for each in asked[:-1]} == {WITHDRAW.format("right angle", wall)}
+    assert asked[-1].words == LEAVE.format("right angle", wall)
+    assert asked[-1].place is not None
+    jaws.strained = MOST_STRAINED + 1
+    assert jaws.next_step().words == BACK.format("right angle")
+
+
+def test_what_still_strains_a_wall_is_asked_for_by_the_same_steps(
+    lead: ScopeLead, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However far a tip is off its place, until the wall is slack."""
+    session = lead.session
+    exercise = critical_view()
+    session.start_exercise(exercise)
+    tissue = session.spatial
+    guidance = Guidance(Safety(tissue))
+    guidance.next_step(exercise, viewed=False)
+    jaws = guidance._jaws
+    monkeypatch.setattr(JawSteps, "is_over", property(lambda _: True))
+    for stress, stays in ((0.65, True), (0.55, False)):
+        tissue.stress_ratio = stress
+        guidance._follow()
+        assert (guidance._jaws is jaws) == stays
+
+
 def critical_view(name: str = "critical_view") -> Exercise:
     """Return an exercise at the usual anatomy."""
     exercise = exercise_at(anatomy_named("normal"), name)
@@ -782,6 +881,14 @@ def test_where_open_jaws_leave_a_wall_stays_asked_for_until_they_have_gone_there
         ring = jaws.next_step().place
         rings += [ring] if ring not in rings else []
     assert len(rings) > 3
+    # Where no direction is off it, they are closed.
+    for number in range(DIRECTIONS * LEAVES_FOR):
+        hand.put(place - np.array([0.01 * number, 0.0, 0.0]))
+        jaws.follow()
+        if "close the right hand's" in jaws.next_step().words:
+            break
+    else:
+        raise AssertionError(jaws.next_step().words)
 
 
 def test_jaws_are_led_off_a_tube_that_runs_through_between_them_before_they_close(
@@ -808,6 +915,53 @@ def test_jaws_are_led_off_a_tube_that_runs_through_between_them_before_they_clos
     assert np.linalg.norm(off, axis=1).min() > radius
     jaws.follow()
     assert jaws.next_step().words.startswith("Next: close the right hand's right angle (G)")
+
+
+def test_a_pull_ends_where_it_would_have_to_be_slackened_again(lead: ScopeLead) -> None:
+    """Jaws come to what a pull strains by less; one that lifts goes on."""
+    session = lead.session
+    exercise = critical_view("first_view")
+    session.start_exercise(exercise)
+    session.grab(0, 8.0, session.spatial.tubes.names.index("gallbladder"))
+    tissue = session.spatial
+    for pull, drawn in (
+        (ASIDE, True),
+        (OFF_THE_LIVER, True),
+        (TO_COMMON, True),
+        (LIFTED, False),
+    ):
+        for stress in (EASED - 0.01, EASED + 0.01):
+            guidance = Guidance(Safety(tissue))
+            guidance.next_step(exercise, viewed=False)
+            guidance._pulling = pulling = _Pulling(pull, 8.0)
+            tissue.stress_ratio = stress
+            guidance._pull_step(pulling)
+            assert pulling.drawn == (drawn and stress > EASED), (pull, stress)
+
+
+def test_what_is_held_is_let_go_where_jaws_stay_strained_once_the_view_is_reached(
+    lead: ScopeLead, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As before that: they could not be drawn out."""
+    session = lead.session
+    exercise = critical_view()
+    session.start_exercise(exercise)
+    session.grab(0, 8.0, session.spatial.tubes.names.index("gallbladder"))
+    guidance = Guidance(Safety(session.spatial))
+    guidance.next_step(exercise, viewed=False)
+    jaws = guidance._jaws
+    assert jaws is not None
+    lead.choose_instrument(1, jaws.site.tool)
+    session.spatial.hands[1].put(jaws._place)
+    jaws._state = "to withdraw"
+    for strained, words in (
+        (False, "out of the tissue"),
+        (True, "Next: let go of the gallbladder"),
+    ):
+        monkeypatch.setattr(JawSteps, "stays_strained", property(lambda _, s=strained: s))
+        step = guidance.next_step(exercise, viewed=True)
+        assert step is not None
+        assert words in step.words
 
 
 def test_a_wall_that_no_hand_strains_is_not_slackened(lead: ScopeLead) -> None:
@@ -1168,6 +1322,98 @@ def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: Scope
     assert "draw the gallbladder aside" in step.words
 
 
+def test_a_press_on_the_ring_leads_the_tip_there(lead: ScopeLead) -> None:
+    """Out of the tissue, aside in front of it and in; anything else that is done ends it."""
+    session = lead.session
+
+    def press(place: np.ndarray, word: str = "press") -> None:
+        eye = lead.held.camera.tip
+        ray = " ".join(f"{each:.4f}" for each in (*eye, *(place - eye)))
+        ScopeScene.take(cast(Any, SimpleNamespace(_led=lead)), f"1 {word} {ray}")
+
+    def ring() -> np.ndarray:
+        assert lead.ring is not None
+        return np.array(lead.ring[:3])
+
+    refused = cast(MagicMock, lead._state.client.add_notification)
+    lead.seek_ring()
+    assert refused.call_args.args == ("Not possible", NO_RING)
+    session.start_exercise(critical_view("first_view"))
+    lead.choose(0)
+    pass_time(lead, session, 0.5)
+    hand = session.spatial.hands[0]
+    aside = np.array([0.0, 0.5 * PRESSED_MM, 0.0])
+    press(ring() + aside)
+    pass_time(lead, session, 3.0)
+    assert hand.tip == pytest.approx(ring(), abs=THERE_MM)
+    # What is held goes there straight, as long as it is pressed.
+    lead.use_instrument()
+    pass_time(lead, session, 0.5)
+    hand = session.spatial.hands[0]  # made whole, as a run begins
+    assert hand.node is not None
+    start, held_to = hand.tip, ring()
+    press(held_to)
+    pass_time(lead, session, 0.1)
+    assert math.dist(start, hand.tip) < DRAWS_MM_S * 0.2
+    pass_time(lead, session, 0.2)
+    ScopeScene.take(cast(Any, SimpleNamespace(_led=lead)), "2 stop")
+    pass_time(lead, session, 0.5)
+    path, gone = held_to - start, hand.tip - start
+    assert 0.1 < np.linalg.norm(gone) < 0.9 * np.linalg.norm(path)
+    assert gone @ path == pytest.approx(np.linalg.norm(gone) * np.linalg.norm(path), rel=0.01)
+    press(held_to)
+    press(held_to + 0.3 * DRAGGED_MM * lead.held.camera.axes[:, 0], "drag")  # a tremor
+    pass_time(lead, session, 1.0)
+    assert math.dist(hand.tip, held_to) < IN_RING_MM
+    lead.use_instrument()
+    # Jaws among strands come out of them before they go aside, and turn to the bar before they go
+    # in.
+    session.start_exercise(critical_view())
+    lead.choose(1)
+    lead.choose_instrument(1, "right angle")
+    pass_time(lead, session, 1.0)
+    shaft = TROCARS[1].shaft(ring())
+    lead.lead_hand(ring() - 4.0 * shaft + 20.0 * lead.held.camera.axes[:, 0])
+    pass_time(lead, session, 8.0)
+    hand, goes_to = session.spatial.hands[1], ring()
+    lead.turn(1.0)
+    press(goes_to)
+    tips = [hand.tip]
+    while math.dist(hand.tip, goes_to) > THERE_MM and len(tips) < 1000:
+        pass_time(lead, session, TICK_SECONDS)
+        tips.append(hand.tip)
+    off = np.array(tips) - goes_to
+    before = off @ shaft
+    aside = np.linalg.norm(off - before[:, None] * shaft, axis=1)
+    assert len(tips) < 1000
+    assert before[aside < 0.5 * aside[0]].min() > -0.5
+    assert (before[1:50] >= before[:49] - 1e-6).all()
+    assert lead.turn_left == pytest.approx(0.0, abs=0.03)
+    # By a key, and by a gamepad; a notch of the wheel ends it.
+    page = cast(Any, SimpleNamespace(_led=lead))
+    for act in (lead.seek_ring, partial(ScopeScene.take, page, "3 ring")):
+        lead.wheel(-8.0)
+        pass_time(lead, session, 2.0)
+        goes_to = ring()
+        act()
+        pass_time(lead, session, 0.1)
+        lead.wheel(-1.0)
+        pass_time(lead, session, 2.0)
+        assert math.dist(hand.tip, goes_to) > 5.0
+        act()
+        pass_time(lead, session, 3.0)
+        assert math.dist(hand.tip, goes_to) < 2.0 * IN_RING_MM  # it goes after one that moves
+    # Keys lead out of a ring that the tip is in, on whichever side of its middle.
+    for by in (0.05, -0.1):
+        lead.lead_hand(ring() + by * TROCARS[1].shaft(ring()))
+        pass_time(lead, session, 1.0)
+        before = hand.tip
+        for _ in range(4):
+            lead.step(0.0, 0.0, -0.5)
+            pass_time(lead, session, 0.3)
+        assert math.dist(hand.tip, before) > 1.0
+
+
 def test_any_tube_s_tear_ends_and_is_told(lead: ScopeLead) -> None:
     """How a tear runs is drawn of the first tube only: another's has happened at once."""
     session = lead.session
@@ -1186,12 +1432,12 @@ def test_any_tube_s_tear_ends_and_is_told(lead: ScopeLead) -> None:
 @pytest.mark.parametrize(
     ("to_ring", "holds", "in_tissue", "words"),
     [
-        ((-4.0, 2.0, 18.0), False, False, "cross 4 left, 2 up mm, 12 notches in"),
-        ((4.0, 2.0, -3.0), False, False, "ring 4 right, 2 up mm, 2 notches out"),
+        ((-4.0, 2.0, 18.0), False, False, "4 left, 2 up mm, 12 notches in"),
+        ((4.0, 2.0, -3.0), False, False, "4 right, 2 up mm, 2 notches out"),
         ((4.0, 2.0, -9.0), False, False, "6 notches out"),
-        ((4.0, 2.0, -3.0), False, True, "ring 4 right, 2 up mm, 2 notches out"),
+        ((4.0, 2.0, -3.0), False, True, "4 right, 2 up mm, 2 notches out"),
         ((14.0, -2.0, 1.5), False, True, "out of the tissue first (wheel back)"),
-        ((14.0, -2.0, 1.5), False, False, "ring 14 right, 2 down mm, 1 notch in"),
+        ((14.0, -2.0, 1.5), False, False, "14 right, 2 down mm, 1 notch in"),
         ((0.3, 0.2, 1.5), False, True, "1 notch in"),
         ((14.0, -2.0, 1.5), True, False, "drag 14 right, 2 down mm, then 1 notch in"),
     ],

@@ -1,6 +1,7 @@
 """A trainee at an anatomy: mouse, wheel and keys as the page sends them, one led hand at a time."""
 
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, cast
 from unittest.mock import MagicMock
@@ -31,6 +32,8 @@ from app.trainer.scope.scope_scene import ScopeScene
 Floats = NDArray[np.float64]
 TURN = 0.15
 """rad of a key, as the panel's keys have it."""
+ROUND = math.ceil(2.0 * math.pi / TURN)
+"""Keys that turn a scope's cable about."""
 PAUSE = 0.3
 """s in which one looks before one goes on."""
 STEP_MM = 2.0
@@ -54,7 +57,6 @@ class Trainee:
         self.lead = ScopeLead(state, self.held)
         self._sent = 0
         self._begun: Floats = np.zeros(3)  # where the last pull began
-        self._came: list[Floats] = []  # where the right hand's tip has been, since it came anew
         self._asked = ""
 
     # What the page sends
@@ -98,8 +100,6 @@ class Trainee:
 
     def _point(self, place: Floats) -> None:
         """Press where a place is seen; what is held is dragged there."""
-        if self.lead.hand:
-            self._came.append(self.tip.copy())
         if self.session.spatial.hands[self.lead.hand].node is None:
             self.send(f"press {self._ray(place)}")
         else:
@@ -132,8 +132,6 @@ class Trainee:
         """Take the tip in along its shaft by notches, or out; stop where it is stopped."""
         for _ in range(abs(notches)):
             before = self.tip.copy()
-            if self.lead.hand:
-                self._came.append(before)
             self.send(f"wheel {math.copysign(1, notches):g}")
             self._led()
             if math.dist(before, self.tip) < 0.3 * NOTCH_MM:
@@ -271,52 +269,51 @@ class Trainee:
             self.to(place)
         self.wheel(-6)
 
-    def follow(self, step: NextStep, missed: Floats) -> None:
-        """Do what the page asks for, by its words, ring and bar, missed by so much, (3,) mm."""
+    def into_ring(
+        self, place: Floats, *, until: Callable[[], bool] = lambda: False, seconds: float = 30.0
+    ) -> None:
+        """Press where a ring is seen, until the tip has gone there or stopped, or for some time."""
+        self.send(f"press {self._ray(place)}")
+        for _ in range(round(seconds / TICK_SECONDS)):
+            if self.lead._seeks is None or until():
+                break
+            self.wait(TICK_SECONDS)
+        self.send("stop")
+        self.wait()
+
+    def follow(self, step: NextStep, missed: Floats, seconds: float = 30.0) -> None:
+        """Do what the page asks for, by its words, ring and bar.
+
+        A ring is missed by so much, (3,) mm, and what is held is drawn for so long at a time.
+        """
         words, place = step.words, None if step.place is None else np.array(step.place) + missed
         self._asked, before = words, self._asked
         self.lead.choose(step.hand)
-        if "take hold" in words:
-            assert place is not None
-            self.take(0, "grasper")
-            self.wheel(-4)
-            self.to(place)
-            self.use()
-        elif "back into the ring" in words:
-            assert place is not None
-            self.to(place)
-            self.send("stop")
-        elif "let the" in words or "a little" in words:
+        tool = self.session.spatial.hands[self.lead.hand].instrument
+        if step.tool is not None and step.tool != tool:
+            self.take(self.lead.hand, step.tool)
+        if "back into the ring" not in words and ("let the" in words or "a little" in words):
             self._ease(step.hand or 0, place)
-        elif "part the" in words or "into the ring, past" in words:
-            assert place is not None
-            holder = self.session.spatial.hands[1]
-            if step.tool is not None and ("part the" in words or holder.instrument != step.tool):
-                self.take(1, step.tool)
-            if math.dist(self.tip, place) > AWAY or "a little" in before:  # strained on its way
-                self.wheel(-6)
-                self.drag(place)
-            self._turn()
-            self.to(place)
         elif "turn the" in words:
             self._turn()
-        elif "along its tip" in words or "'s open" in words or "sweep the" in words:
+        elif "take hold" in words:
             assert place is not None
-            self.straight_to(place)
-        elif "drag it slowly" in words or "until its tip" in words:
-            assert place is not None
-            if words != before:
-                self._begun = self.tip.copy()
-            self.to(place)
-            self.send("stop")
-        elif "out of the tissue" in words:
-            self.wheel(-6)
+            self.into_ring(place)
+            self.use()
+        elif "(G)" in words:
+            self.use()
         elif "by a notch" in words:
             self.wheel(-1)
+        elif place is not None:
+            if "drag it slowly" in words and words != before:
+                self._begun = self.tip.copy()
+            self.into_ring(place, seconds=seconds if step.hand == 0 else 30.0)
+        elif "out of the tissue" in words:
+            self.wheel(-6)
         elif "stand still" in words or "wait, and" in words:
             self.wait()
-        else:  # let go, open, close or clip
-            self.use()
+        else:
+            self.wait()
 
     def _turn(self) -> None:
         """Press L or J as the read-out says."""
@@ -329,37 +326,52 @@ class Trainee:
 
     def _ease(self, hand: int, place: Floats | None) -> None:
         """Lead what strains a wall back where it came from, until it is slack."""
-        if hand and place is not None:
-            self.straight_to(place)
+        if place is not None:
+            self.into_ring(place, until=lambda: hand == 0 and self._eased)
             return
         if hand:
-            for _ in range(min(3, len(self._came))):
-                before = self._came.pop()
-                self._move(before)
-                self._came.pop()
+            self.wheel(-2)
             return
-        back = (self._begun if place is None else place) - self.tip
+        back = self._begun - self.tip
         back /= max(1.0, math.hypot(*back))
         for _ in range(12):
-            step = self.lead.next_step  # whoever lets back reads on
-            asked = step is not None and "let the" in step.words
-            if self.session.spatial.stress_ratio < EASED or not asked:
+            if self._eased:
                 break
             self._move(self.tip + 0.5 * back)
         self.send("stop")
         self.wait()
 
+    @property
+    def _eased(self) -> bool:
+        """Whether what is strained is slack, or slackened no more: whoever lets back reads on."""
+        step = self.lead.next_step
+        asked = step is not None and "let the" in step.words
+        return self.session.spatial.stress_ratio < EASED or not asked
+
     def mark(self, structure: Structure, tube: str) -> None:
-        """Choose a structure under Point at, and press where its tube is seen before all others."""
+        """Choose a structure under Point at, and press where its tube is seen before all others.
+
+        Where it is hidden, the other scope is taken, and its cable turned about.
+        """
+        seen = self._seen(tube)
+        if not seen:
+            self.lead.change_scope()
+            for _ in range(ROUND):
+                if seen := self._seen(tube):
+                    break
+                self.lead.move_scope(cable=TURN)
+        assert seen, f"the {tube} is hidden"
         self.lead.point(structure)
+        self.send("point " + " ".join(f"{each:.3f}" for each in seen[len(seen) // 2]))
+        self.wait()
+
+    def _seen(self, tube: str) -> list[Floats]:
+        """Return directions, (3,) each, along which a tube is seen before all others."""
         tissue, eye = self.session.spatial, self.held.camera.tip
         number, span = tissue.tubes.names.index(tube), tissue.tubes.network.tubes[tube].span
         rays = tissue.beam.places_at(np.arange(2.0, span), tube) - eye
         found = [pointed_at(tissue.beam, eye, each) for each in rays]
-        seen = [ray for ray, at in zip(rays, found, strict=True) if at and at[0] == number]
-        assert seen, f"the {tube} is hidden"
-        self.send("point " + " ".join(f"{each:.3f}" for each in seen[len(seen) // 2]))
-        self.wait()
+        return [ray for ray, at in zip(rays, found, strict=True) if at and at[0] == number]
 
     def close(self, instrument: Instrument, tube: str, stations: tuple[float, ...]) -> None:
         """Bring open jaws past a tube on either side, and close them, at some places of it.

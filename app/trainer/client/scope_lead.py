@@ -75,6 +75,15 @@ NEAR_MM, THERE_MM = 1.2, 0.1
 within which the wheel stops until the tip has come there."""
 ALIGNS_MM, ALIGNS_RAD_S = 6.0, 2.5
 """Off a ring's path, within which jaws that are led there turn to its bar; and how fast."""
+PRESSED_MM, DRAGGED_MM = 3.0, 2.0
+"""Off a ring, within which a press on it leads the tip there, and by which a drag from there leads
+it otherwise."""
+ON_PATH_MM, IN_FRONT_MM = 2.0, 25.0
+"""Off a ring's path, from which on a tip that goes there by itself comes out before it goes aside,
+and how far before the ring it then is at most."""
+NEARS_MM, NEARS_MM_S, DRAWS_MM_S = 15.0, 15.0, 3.0
+"""Off a ring, within which a tip that goes there by itself goes no faster; and how fast at most
+with what it holds."""
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
 INSISTING = "Going on as before brings it 3 % nearer to its break with each click, notch or key."
@@ -120,6 +129,7 @@ NOTHING_NEAR = (
     "wheel, some notches at a time, and try again."
 )
 NOT_IN_RING = "Lead the tip into the ring first: To the ring, in the panel, says how far it is."
+NO_RING = "No ring is shown for this hand: an exercise under Learn has one for each of its steps."
 ENDS = "Jaws do not hold there: a clamp, the other hand or a tear is too near."
 NOT_BETWEEN = (
     "No tube lies between the open jaws with its whole width. Lead their tips on past it, one jaw "
@@ -178,6 +188,9 @@ class ScopeLead:
         self._goals: list[Floats | None] = [None] * len(state.hands)
         self._pointer: _Pointer | None = None
         self._aligns = False  # whether the active hand's jaws turn to the ring's bar
+        # (3,) mm each: the ring to which the active hand's tip goes by itself, and where that was
+        # at the end of the last leg there.
+        self._seeks: tuple[Floats, Floats] | None = None
         # Of each hand, how far its jaws go apart or together, mm, or None.
         self._jaws: list[float | None] = [None] * len(state.hands)
         self._crushes = [False] * len(state.hands)  # whether what closing jaws strain waits
@@ -283,6 +296,14 @@ class ScopeLead:
         return tuple(round(each, 3) for each in numbers)
 
     @property
+    def _asked_place(self) -> Floats | None:
+        """(3,) mm where to the next step leads the active hand's tip; None nowhere."""
+        step = self.next_step
+        if step is None or step.place is None or step.hand != self.hand:
+            return None
+        return np.array(step.place)
+
+    @property
     def to_ring(self) -> tuple[float, float, float] | None:
         """How far right and up of the led tip the ring's path is, and in along that the ring, mm.
 
@@ -290,12 +311,11 @@ class ScopeLead:
         its way counts from where it comes to. None where there is no ring for it, or the scope is
         led.
         """
-        step = self.next_step
-        if step is None or step.place is None or self.leads_scope or step.hand != self.hand:
+        if (place := self._asked_place) is None or self.leads_scope:
             return None
         holder = self._state.hands[self.hand]
         still = self._goals[self.hand] is None and holder.arrived
-        place, tip = np.array(step.place), holder.tip if still else self._led_to
+        tip = holder.tip if still else self._led_to
         shaft = TROCARS[self.hand].shaft(place)
         into = self._far_along(place, shaft, tip)
         right, up = self.held.camera.axes[:, :2].T @ (place - tip + into * shaft)
@@ -327,17 +347,15 @@ class ScopeLead:
     @property
     def _normal(self) -> Floats:
         """(3,) of the plane in which the pointer leads the active hand: to the ring, if any."""
-        step, place = self.next_step, self._led_to
-        if step is not None and step.place is not None and step.hand == self.hand:
-            place = np.array(step.place)
+        ring = self._asked_place
+        place = self._led_to if ring is None else ring
         return self._normal_of(TROCARS[self.hand].shaft(place))
 
     @property
     def in_ring(self) -> bool:
         """Whether the led tip is in the ring."""
-        step, tip = self.next_step, self._state.hands[self.hand].tip
-        at = None if step is None else step.place
-        return at is not None and math.dist(at, tip) < IN_RING_MM
+        ring, tip = self._asked_place, self._state.hands[self.hand].tip
+        return ring is not None and math.dist(ring, tip) < IN_RING_MM
 
     def point(self, structure: Structure | None) -> None:
         """Let the pointer mark a structure from now on, or lead hands again."""
@@ -400,6 +418,7 @@ class ScopeLead:
 
     def choose(self, hand: int | None) -> None:
         """Lead a hand from now on, or the scope."""
+        self._leave_ring()
         self._points_at = None
         self.leads_scope = hand is None
         self._state.choose_hand(self.hand if hand is None else hand)
@@ -415,6 +434,7 @@ class ScopeLead:
 
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Give a hand another instrument, which comes through its trocar with its jaws open."""
+        self._leave_ring()
         state = self._state
         self.leads_scope = False
         before = state.hands[hand].instrument
@@ -440,8 +460,17 @@ class ScopeLead:
         if self._may_act():
             marked = self._marked_for(place)
             self._aligns |= any(math.dist(each, place) < ALIGNS_MM for each in marked[-1:])
-            # One eye does not tell depth, and a hand that points is a little off.
-            place = next((each for each in marked if math.dist(each, place) < NEAR_MM), place)
+            # One eye does not tell depth, and a hand that points is a little off. What leads away
+            # from a mark is not drawn back to it.
+            now = self._led_to
+            place = next(
+                (
+                    each
+                    for each in marked
+                    if math.dist(each, place) < min(NEAR_MM, math.dist(each, now) + THERE_MM)
+                ),
+                place,
+            )
             place = place - self._state.hands[self.hand].jaws
             self._goals[self.hand] = TROCARS[self.hand].within(place)
 
@@ -454,17 +483,73 @@ class ScopeLead:
     def press(self, *ray: float) -> None:
         """Lead the active hand by a pointer from now on: (6,) a ray from the camera to it.
 
-        The tip comes under it; what is held is led from where it is, and a handle goes as far as
-        the pointer.
+        The tip comes under it, or goes to the ring that is under it; what is held is led from where
+        it is, and a handle goes as far as the pointer.
         """
+        self._leave_ring()
         holder, at = self._state.hands[self.hand], np.array(ray)
         held = holder.node is not None
         tip, normal = holder.tip if held else self._led_to, self._normal
         under = _meeting(at, normal, tip)
         aside = tip - under if held else np.zeros(3)
         self._pointer = _Pointer(self.hand, at, normal, under, aside)
-        if not held and not self.by_handle:
+        if self.by_handle:
+            return
+        if self._is_at_ring(at):
+            self.seek_ring()
+        elif not held:
             self.lead_hand(under)
+
+    def _is_at_ring(self, ray: Floats) -> bool:
+        """Return whether a ray passes through the active hand's ring, whose tip is not there."""
+        if (ring := self._asked_place) is None or self.in_ring:
+            return False
+        to, along = ring - ray[:3], ray[3:]
+        past = to - float(to @ along) / max(float(along @ along), 1e-12) * along
+        return math.sqrt(float(past @ past)) < PRESSED_MM
+
+    def seek_ring(self) -> None:
+        """Lead the active hand's tip to its ring, until it is there or something else is done.
+
+        It goes out of the tissue first, aside in front of that, and in along the ring's path; with
+        what it holds it goes straight there.
+        """
+        if (ring := self._asked_place) is None or self.leads_scope:
+            self._state.refuse(NO_RING)
+        elif self._may_act():
+            self._goals[self.hand] = None
+            self._seeks = ring, np.full(3, math.inf)
+
+    def _leave_ring(self) -> None:
+        """Lead a tip that goes to its ring by itself there no further."""
+        if self._seeks is not None:
+            self._goals[self.hand] = self._seeks = None
+
+    def _seek(self) -> None:
+        """Lead a tip that goes to its ring on by a leg, once it has come to the end of the last."""
+        hand, step = self._state.hands[self.hand], self.next_step
+        if self._seeks is None or self._goals[self.hand] is not None or not hand.arrived:
+            return
+        (asked, before), tip = self._seeks, hand.tip
+        ring, to_ring = self._asked_place, self.to_ring
+        if step is None or ring is None or to_ring is None or math.dist(ring, asked) > IN_RING_MM:
+            self._seeks = None
+            return
+        right, up, into = to_ring
+        aside = math.hypot(right, up)
+        away = hand.node is None and not step.through and aside > ON_PATH_MM
+        if not away and self._aligns:
+            return
+        if math.dist(tip, ring) < THERE_MM or math.dist(tip, before) < THERE_MM:
+            self._seeks = None
+            return
+        self._seeks = ring.copy(), tip
+        touches = self.session.spatial.touched(self.hand) > 0
+        if away and into < IN_FRONT_MM and (into < 0.0 or touches or self.meets_wall):
+            ring = tip + NOTCH_MM * TROCARS[self.hand].shaft(tip)
+        elif away:
+            ring += into * TROCARS[self.hand].shaft(ring)
+        self.lead_hand(ring)
 
     def drag(self, *ray: float) -> None:
         """Lead the hand on to where the pointer is now."""
@@ -472,6 +557,10 @@ class ScopeLead:
         if before is None or before.hand != self.hand:
             return
         under = _meeting(at, before.normal, before.under)
+        if self._seeks is not None:
+            if math.dist(under, before.under) < DRAGGED_MM:
+                return
+            self._leave_ring()
         self._pointer = before._replace(ray=at, under=under)
         if self.by_handle:
             right, up = self.held.camera.axes[:, :2].T @ (under - before.under)
@@ -481,6 +570,7 @@ class ScopeLead:
 
     def wheel(self, notches: float) -> None:
         """Lead the active hand in along its shaft, or the scope where that is led or one points."""
+        self._leave_ring()
         into = NOTCH_MM * notches
         if self.leads_scope or self.points_at is not None:
             self.move_scope(depth=into)
@@ -531,7 +621,7 @@ class ScopeLead:
         """Leave a hand that holds a tube where it is, as its pointer lets go."""
         self._pointer = None
         if self._state.hands[self.hand].node is not None:
-            self._goals[self.hand] = None
+            self._goals[self.hand] = self._seeks = None
 
     def advance(self, ticks: int) -> None:
         """Lead the hands on for some ticks, no faster than they may."""
@@ -543,6 +633,8 @@ class ScopeLead:
             return
         if self._aligns:
             self._align(ALIGNS_RAD_S * TICK_SECONDS * ticks)
+        if self._seeks is not None:
+            self._seek()
         stress = state.session.spatial.stress_ratio
         rise, self._stress = stress - self._stress, stress
         stops, rises = self._nears_break(), rise > RISES
@@ -576,6 +668,8 @@ class ScopeLead:
             strains_more = rises if eases else strains or ((again or rises) and not slackens)
             if far > 0.0 and (slips or (stops and strains_more)):
                 self._goals[hand], self._stopped[hand] = None, Stop(path, stress)
+                if hand == self.hand:
+                    self._seeks = None
                 state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
                 if slips:
                     self._say_stopped(HELD_BACK, "the grasper nears its grip")
@@ -671,6 +765,7 @@ class ScopeLead:
 
     def nudge(self, right: float, up: float, away: float) -> None:
         """Move the active hand's tip in the picture and in along its shaft, mm, or the scope."""
+        self._leave_ring()
         if self.points_at is not None:
             step, (x, y) = 2.0 * CROSS_STEP, self._cross
             x, y = (min(max(each, -0.95), 0.95) for each in (x + step * right, y + step * up))
@@ -693,8 +788,13 @@ class ScopeLead:
     def step(self, right: float, up: float, into: float) -> None:
         """Move as `nudge` does, but a tip several times as far towards its ring, not past it."""
         to_ring = self.to_ring if self.points_at is None else None
-        steps = zip((right, up, into), to_ring or (0.0, 0.0, 0.0), strict=True)
-        self.nudge(*(_quicker(step, far, QUICK_MOVES) for step, far in steps))
+        steps, left = (right, up, into), to_ring or (0.0, 0.0, 0.0)
+        if to_ring is not None and math.hypot(*to_ring) < THERE_MM:  # it leads out of that only
+            self.nudge(right, up, min(into, 0.0))
+            return
+        self.nudge(
+            *(_quicker(each, far, QUICK_MOVES) for each, far in zip(steps, left, strict=True))
+        )
 
     def _align(self, most: float) -> None:
         """Turn the active hand's jaws to the ring's bar, rad at most, while they touch nothing."""
@@ -738,6 +838,7 @@ class ScopeLead:
             self.mark(self.held.camera.axes @ np.array([wide * x, wide * y, -1.0]))
             return
         if self._may_act():
+            self._leave_ring()
             self._state.forget_refusal()
             self._uses[self._state.instrument]()
             self._judge_at = min(self._judge_at, self.session.spatial.ticks + USED_TICKS)
@@ -813,7 +914,7 @@ class ScopeLead:
     def _lead_nothing(self) -> None:
         self._goals = [None] * len(self._goals)
         self._jaws = [None] * len(self._jaws)
-        self._aligns = False
+        self._aligns, self._seeks = False, None
 
     def _may_act(self) -> bool:
         """Return whether the active hand can do something now; tell the client where not."""
@@ -823,8 +924,14 @@ class ScopeLead:
     def _speed(self, holder: Hand, strains: bool) -> float:
         if holder.instrument in PARTS and holder.opening > 0.0:
             return PARTS_MM_S  # they part what they are led through
-        slow = strains or holder.node is not None
-        return HOLDS_MM_S if slow else LEAD_MM_S[holder.instrument]
+        seeks = self._seeks is not None and holder is self._state.hands[self.hand]
+        if holder.node is not None:
+            return DRAWS_MM_S if seeks else HOLDS_MM_S
+        if strains:
+            return HOLDS_MM_S
+        most = LEAD_MM_S[holder.instrument]
+        nears = self._seeks is not None and math.dist(self._seeks[0], holder.tip) < NEARS_MM
+        return min(most, NEARS_MM_S) if seeks and nears else most
 
     def _aim(self, hand: int) -> None:
         """Lay an instrument along its shaft; a right angle's tip goes with it."""

@@ -48,9 +48,9 @@ HOW: dict[Instrument, str] = {
 }
 """How an instrument is used at a bed, and a clip applier at an anatomy."""
 MARKS = (
-    "<b>Marks</b> The tip goes into the ring. Press on the cross, or on the ring where there is "
-    "none, then roll the wheel until <i>To the ring</i> is 'in it'. J and L turn jaws along the "
-    "bar. Bright dots are strands to part.<br>"
+    "<b>Marks</b> Press on the ring, or the key I: the tip goes there by itself, and what it holds "
+    "while you press. <i>To the ring</i> is 'in it' then. J and L turn jaws along the bar. Bright "
+    "dots are strands to part.<br>"
 )
 """What the marks of an exercise at an anatomy mean."""
 LEANS_DEG, LEANS_N = 8.0, 0.2

@@ -25,7 +25,7 @@ from app.simulation import (
 )
 from app.trainer.client.page_state import PageState
 from app.trainer.client.practice import SceneName
-from app.trainer.client.scope_lead import HOLDS_MM_S, NOTCH_MM, ScopeLead
+from app.trainer.client.scope_lead import HOLDS_MM_S, NOTCH_MM, QUICK_TURNS, ScopeLead
 from app.trainer.panel.case_tab import CaseTab
 from app.trainer.panel.controls import (
     Choice,
@@ -81,11 +81,11 @@ STEP = 0.5
 """mm that a key moves a tip by: towards a ring several times as far."""
 TURN = 0.15
 """rad that a key turns jaws or cable by."""
+TO_RING = "To the ring (I)"
 COMING, OUT_FIRST = "on its way", "out of the tissue first (wheel back)"
-LEAST_MM, CROSS_MM, FAR_OUT_MM, DRAWS_ASIDE_MM = 0.75, 2.0, 6.0, 6.0
-"""mm off a ring that are worth a move; in front of it, from which on its path has a cross; behind
-it, from which on one comes out before one goes aside; and to the side, that in tissue would draw
-that along."""
+LEAST_MM, FAR_OUT_MM, DRAWS_ASIDE_MM = 0.75, 6.0, 6.0
+"""mm off a ring that are worth a move; behind it, from which on one comes out before one goes
+aside; and to the side, that in tissue would draw that along."""
 MARKS = "Mark what is next"
 MARKED = "In exercises: a sentence, a ring where to, and a dot on each strand"
 PLAIN = "Without webs and with fewer dots, for a machine without a graphics card"
@@ -121,6 +121,7 @@ KEYS = (
     Key("G", "G", "Use the instrument", "take hold or let go; part or close; clip; cut; suck"),
     Key("O", "O", "Open the jaws", "by a millimetre"),
     Key("C", "C", "Close the jaws", "by a millimetre"),
+    Key("I", "I", "Into the ring", "in an exercise: the tip goes into the ring by itself"),
     Key("K", "K", "Point", "in Critical view and Who is who: at the next structure, or no more"),
     Key("H", "H", "Photograph", "for the record: the front of the triangle, then the back"),
     Key("U", "U", "Not yet safe", "to tell structures apart, where an exercise asks"),
@@ -140,14 +141,16 @@ ALWAYS = ("Z", "V")
 """Keys that act while a replay is shown, too."""
 TEXT = """\
 **The mouse.** Press in the picture and the tip goes under the pointer; drag it, or what it holds.
-The **wheel** takes it in along its shaft (roll it away from you) and out. The **right button**, or
-**G**, uses the instrument. With a **finger** drag; two fingers spread or pinch to take it in and
-out. Led **by its handle**, as in the theatre, an instrument turns about its trocar: the tip goes
-the other way.
+In an exercise press on the **ring**, or the key **I**, and the tip goes there by itself; what it
+holds goes there while you press. The **wheel** takes it in along its shaft (roll it away from you)
+and out, as **Shift** with the arrows does. The **right button**, or **G**, uses the instrument.
+With a **finger** drag; two fingers spread or pinch to take it in and out. Led **by its handle**, as
+in the theatre, an instrument turns about its trocar: the tip goes the other way.
 
 **A gamepad.** The left stick moves the tip in the picture, the right one takes it in and out and
 turns the jaws. **A** uses the instrument, **B** goes on to the other hand, **X** to the next
-instrument and **Y** to the scope; the shoulder buttons close and open the jaws.
+instrument and **Y** to the scope, **up** on the cross leads into the ring; the shoulder buttons
+close and open the jaws.
 
 {INSTRUMENTS}
 
@@ -346,7 +349,7 @@ class ScopePanel:
         touched = 0 if holder.instrument in HOLDING else tissue.touched(hand)
         step, to_ring = self._lead.next_step, self._lead.to_ring
         if (asked := self._lead.asked_tool) is not None:
-            name, place = "To the ring", f"take the {asked} (N)"
+            name, place = TO_RING, f"take the {asked} (N)"
         elif to_ring is not None:
             through = step is not None and step.through
             parts = holder.instrument not in HOLDING
@@ -354,9 +357,9 @@ class ScopePanel:
             moves = _moves(to_ring, holds=holder.node is not None, in_tissue=in_tissue)
             if self._lead.in_ring and not (moves and step is not None and step.leads):
                 moves = "in it"
-            name, place = "To the ring", moves or COMING
+            name, place = TO_RING, moves or COMING
         elif step is not None and step.hand is not None and step.hand != hand:
-            name, place = "To the ring", f"lead the {HANDS[step.hand].lower()} (X)"
+            name, place = TO_RING, f"lead the {HANDS[step.hand].lower()} (X)"
         elif holder.node is not None:
             place = f"holds the {tube_title(tissue.tubes.names[holder.tube])}"
         elif self._state.figures_visible:  # a picture of one eye does not tell how deep a tip is
@@ -388,7 +391,9 @@ class ScopePanel:
             return "-"
         if abs(off) < TURNED:
             return "as the bar"
-        return f"{math.degrees(abs(off)):.0f}° ({'L' if off > 0.0 else 'J'})"
+        presses = math.ceil(abs(off) / (QUICK_TURNS * TURN))
+        often = f", {presses} times" if presses > 1 else ""
+        return f"{math.degrees(abs(off)):.0f}° ({'L' if off > 0.0 else 'J'}{often})"
 
     @property
     def _torn(self) -> list[str]:
@@ -469,6 +474,7 @@ class ScopePanel:
             "G": lead.use_instrument,
             "O": lambda: lead.open_more(1.0),
             "C": lambda: lead.open_more(-1.0),
+            "I": lead.seek_ring,
             "K": lead.point_next,
             "H": lead.photograph,
             "U": lead.call_unsafe,
@@ -506,8 +512,7 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool, in_tissue: bool)
     # Far out comes first, and in last: one goes aside in front of the tissue.
     if into < -FAR_OUT_MM or math.hypot(right, up) <= LEAST_MM:
         return wheel
-    mark = "cross" if into > CROSS_MM else "ring"
-    return ", ".join(filter(None, (f"{mark} {aside} mm", wheel)))
+    return ", ".join(filter(None, (f"{aside} mm", wheel)))
 
 
 def _text() -> str:

@@ -108,6 +108,10 @@ class Led(Protocol):
         """Give the active hand the next instrument."""
         ...
 
+    def seek_ring(self) -> None:
+        """Lead the active hand's tip to its ring by itself."""
+        ...
+
     def stop(self) -> None:
         """Leave a hand that holds a tube where it is."""
         ...
@@ -256,7 +260,7 @@ class ScopeScene:
             "wheel": (1, led.wheel), "nudge": (3, led.nudge),
             "turn": (1, led.turn), "open": (1, led.open_more), "act": (0, led.use_instrument),
             "hand": (0, led.choose_next), "view": (0, led.choose_scope),
-            "instrument": (0, led.choose_next_instrument),
+            "instrument": (0, led.choose_next_instrument), "ring": (0, led.seek_ring),
             "scope": (4, led.move_scope), "point": (3, lambda *place: led.mark(np.array(place))),
         }  # fmt: skip
         count, act = acts.get(kind, (-1, None))

@@ -6,7 +6,7 @@
   if (scope.gamepad) return;
   const EVERY_MS = 33, MM_S = 30, RAD_S = 1.2, OPENS_MM_S = 12;  // at full deflection
   const IDLE = 0.15;         // of a stick's range, within which it rests
-  const PRESSED = { 0: "act", 1: "hand", 2: "instrument", 3: "view" };
+  const PRESSED = { 0: "act", 1: "hand", 2: "instrument", 3: "view", 12: "ring" };
   let held = [];
   const beyond = x => Math.sign(x) * Math.max(0, Math.abs(x) - IDLE) / (1 - IDLE);
 

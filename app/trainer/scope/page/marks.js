@@ -1,6 +1,6 @@
 // What an exercise asks for next, in front of all: a faint dot on each strand that is to be parted,
 // which goes as its strand parts, and a ring where to, with a bar as jaws are to part. A dashed line
-// leads there along the shaft: from the cross at its end, where the pointer comes, the wheel goes in.
+// leads there along the shaft, from where the pointer comes to it.
 (() => {
   const scope = window.bluntdissectScope;
   if (scope.mark) return;
@@ -28,7 +28,7 @@
     const back = ring.slice(6, 9), own = { uPlace: ring.slice(0, 3), uAlong: ring.slice(3, 6), uBack: back, uHand: ring[9] };
     const put = (vertex, fragment) => putInFront(picture, square(picture), picture.material(vertex, ["common", fragment], own, SEEN));
     const shown = [put(["ring.vert"], "ring.frag")];
-    if (back.some(Boolean)) for (const name of ["line", "cross"]) shown.push(put(["path", `${name}.vert`], `${name}.frag`));
+    if (back.some(Boolean)) shown.push(put(["path", "line.vert"], "line.frag"));
     return () => { for (const remove of shown) remove(); };
   };
   const square = ({ make }) =>
