@@ -8,6 +8,7 @@ import ssl
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
@@ -87,7 +88,8 @@ def test_what_is_sent_is_encrypted_with_the_certificate(certificate: tuple[Path,
             ):
                 assert len(connections) == 1
 
-        asyncio.run(open_page())
+        with ThreadPoolExecutor() as pool:  # this thread has a browser's loop
+            pool.submit(lambda: asyncio.run(open_page())).result()
         with pytest.raises((OSError, ConnectionError)):
             Answer(port, {"Host": "localhost"})  # not encrypted
     finally:
