@@ -26,7 +26,7 @@ from app.simulation.exercises.exercise import (
 from app.simulation.exercises.exercise_table import EXERCISES
 from app.simulation.exercises.goals import FreeLength, Stay
 from app.simulation.exercises.metrics import DISTANCE_TO_BREAK, METRIC_OF, METRICS, Metric, Metrics
-from app.simulation.exercises.next_step import NextStep
+from app.simulation.exercises.next_step import FIRM, NextStep
 from app.simulation.exercises.older_exercises import renamed_exercise, renamed_goal, renamed_numbers
 from app.simulation.inputs.clock import TICK_SECONDS, TICKS_PER_SECOND, Clock
 from app.simulation.inputs.grasper import HAND_SPEED, Grasper, Load
@@ -109,7 +109,7 @@ from app.simulation.tissue.instruments import (
     HandContact,
     Rod,
 )
-from app.simulation.tissue.jaw_steps import GRIPS_AT, IN_RING_MM, STOPS_AT, TURNED, turn_off
+from app.simulation.tissue.jaw_steps import GRIPS_AT, IN_RING_MM, TURNED, turn_off
 from app.simulation.tissue.planar_tissue import PlanarTissue
 from app.simulation.tissue.reached_tube import (
     REACH,
@@ -139,6 +139,7 @@ __all__ = [
     "EXERCISES",
     "FEW",
     "FIELD_OF_VIEW",
+    "FIRM",
     "FIRST_INSTRUMENTS",
     "FRONT_SECONDS",
     "GRIPS_AT",
@@ -161,7 +162,6 @@ __all__ = [
     "PIECES",
     "REACH",
     "SETTLED_SECONDS",
-    "STOPS_AT",
     "STRUCTURES",
     "SWAB_RADIUS",
     "THESIS_PRESET",

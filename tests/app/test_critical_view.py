@@ -10,6 +10,7 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from test_performance import clipped
 from trainee import Trainee
 
@@ -38,7 +39,7 @@ from app.simulation import (
 )
 from app.simulation.exercises.critical_view import CriticalView as View
 from app.simulation.exercises.goals import CriticalView
-from app.simulation.exercises.next_step import DIVIDE
+from app.simulation.exercises.next_step import DIVIDE, FIRM
 from app.simulation.scripts.scripted_hands import Clip
 from app.simulation.tissue.clip_steps import (
     HELD_MM,
@@ -49,7 +50,7 @@ from app.simulation.tissue.clip_steps import (
     places_to_close,
 )
 from app.simulation.tissue.instruments import CLIP_OPENING, RADIUS
-from app.simulation.tissue.jaw_steps import MOST_STUCK, STOPS_AT
+from app.simulation.tissue.jaw_steps import MOST_STUCK
 from app.simulation.tissue.parting import (
     AT_NECK,
     CUT_AFTER,
@@ -170,6 +171,12 @@ MEANWHILE = {"wait", "lead off"}
 """What is done between what is asked for."""
 
 
+def most_of_triangle(safety: Safety) -> NDArray[np.bool_]:
+    """Return strands, (S,), without which the gallbladder's plate is asked for next."""
+    strands = safety.lacking("triangle")
+    return strands & (np.cumsum(strands) <= 0.85 * strands.sum())
+
+
 def obey(session: Session, step: NextStep) -> str:
     """Put hands where a step asks for them, and part what jaws open at; what was done."""
     tissue = session.spatial
@@ -223,9 +230,6 @@ def obey(session: Session, step: NextStep) -> str:
         jaws.opening = 10.0
         tissue.beam.detach(np.isin(np.arange(tissue.tubes.strands.count), step.strands))
         return "open"
-    if "under the" in step.words:
-        jaws.put(place)
-        return "lead under"
     if "off the" in step.words:  # where a tube, which gives way to nothing here, is between them
         jaws.put(place)
         return "lead off"
@@ -270,16 +274,14 @@ def test_who_does_what_is_asked_for_next_reaches_the_view(anatomy: Anatomy, name
     assert isinstance(exercise.goal, CriticalView)
     assert safety.critical_view().total >= exercise.goal.points
     passed = ["part", "pass", "open", "close", "back", "withdraw"]
-    drawn = ["hold", "draw", "draw", "draw", "part"]
-    begins = drawn if name == "first_view" else passed
-    assert [each for each in done if each not in MEANWHILE][: len(begins)] == begins
+    assert [each for each in done if each not in MEANWHILE][: len(passed)] == passed
     # Jaws that have opened are closed and withdrawn before anything else is asked for; some are out
     # of the tissue once they have been led off a tube.
     words = " ".join(each for each in done if each != "wait")
     out = len(re.findall(r"lead off close (?!back)", words))
     words = words.removesuffix(" open").removesuffix(" pass")
     assert words.count("open") == words.count("close")
-    left = re.sub(r"open (lead under )?(lead off )*close( back)? withdraw", "", words)
+    left = re.sub(r"open (lead off )*close( back)? withdraw", "", words)
     assert left.count("close") == out
     assert words.count("pass") == words.count("back") + out
     assert {"hold", "draw", "let go"} <= set(done)
@@ -320,13 +322,16 @@ def test_what_is_held_is_let_go_where_closing_jaws_stay_strained() -> None:
     exercise = exercise_at(anatomy_named("normal"), "first_view")
     assert exercise is not None
     session.start_exercise(exercise)
-    guidance, done, asked = Guidance(Safety(session.spatial)), list[str](), list[str]()
+    session.open_jaws(1, 0.5)  # made whole, as a run begins
+    session.open_jaws(1, 0.0)
+    session.advance()
+    safety = Safety(session.spatial)
+    session.spatial.beam.detach(most_of_triangle(safety))
+    guidance, done, asked = Guidance(safety), list[str](), list[str]()
     while "open" not in done:
         step = guidance.next_step(exercise, viewed=False)
         assert step is not None
         done.append(obey(session, step))
-        if done[-1] == "hold":  # made whole, as a run begins
-            guidance = Guidance(Safety(session.spatial))
     tissue = session.spatial
     assert tissue.hands[0].node is not None
     guidance.next_step(exercise, viewed=False)
@@ -360,21 +365,21 @@ def test_a_clip_is_asked_for_elsewhere_once_jaws_have_strained_a_wall_twice() ->
         return np.array(step.place)
 
     first = asked()
-    steps.strained = 1
+    steps.hindered = 1
     assert asked() == pytest.approx(first)
     places = [first]
     for strained in (2, 4, 6, 8):
-        steps.strained = strained
+        steps.hindered = strained
         places.append(asked())
     apart = [math.dist(each, first) for each in places]
     assert apart == pytest.approx([0.0, 1.5, 1.5, 3.0, 3.0], abs=0.8)
     assert math.dist(places[1], places[2]) > 2.0
     # So does another tube that comes between them again and again.
-    steps.strained, steps._jaws.others = 0, 2
+    steps.hindered, steps._jaws.in_vain = 0, 2
     assert asked() == pytest.approx(places[1], abs=0.01)
     tissue._note("clip", names.index("artery"), 10.0, 1)
     asked()
-    assert steps.strained == 0
+    assert steps.hindered == 0
 
 
 def test_a_tube_is_divided_between_its_clips_and_not_just_beyond_one(
@@ -418,13 +423,18 @@ def test_what_is_held_is_let_go_where_jaws_come_in_vain_to_close_on_a_tube() -> 
         assert step is not None
         return step.words
 
-    assert "clip 1 of 3" in asked(STOPS_AT - 0.01)
-    assert "let go of the gallbladder" in asked(STOPS_AT + 0.01)
-    assert "clip 1 of 3" in asked(STOPS_AT - 0.01)
-    guidance._closing.strained = 5
+    assert "clip 1 of 3" in asked(FIRM.stops_at - 0.01)
+    assert "let go of the gallbladder" in asked(FIRM.stops_at + 0.01)
+    assert "clip 1 of 3" in asked(FIRM.stops_at - 0.01)
+    guidance._closing.hindered = 5
     assert "let go of the gallbladder" in asked(0.1)
     session.release(0)
     assert "clip 1 of 3" in asked(0.1)
+    # Where jaws come in vain though nothing is held, the gallbladder draws the tubes apart.
+    guidance._closing.hindered = 5
+    assert "take hold of the gallbladder" in asked(0.1)
+    session.grab(0, 8.0, names.index("gallbladder"))
+    assert "draw the gallbladder" in asked(0.1)
 
 
 def test_each_time_that_another_tube_comes_between_jaws_counts() -> None:
@@ -439,7 +449,7 @@ def test_each_time_that_another_tube_comes_between_jaws_counts() -> None:
     def come(far: float, tube: str = "artery") -> int:
         hand.put(at.tip + far * at.shaft)
         jaws.next_step("clip applier", tube, [10.0], lambda _tubes: False)
-        return jaws.others
+        return jaws.in_vain
 
     assert [come(each) for each in (40.0, 0.0, 0.5, 40.0, 0.0)] == [0, 1, 1, 1, 2]
     assert come(40.0, "cystic") == 0
@@ -616,10 +626,10 @@ def test_jaws_about_a_tube_that_are_far_from_their_place_come_anew() -> None:
 @pytest.mark.parametrize(
     ("points", "of_triangle", "of_plate", "asked"),
     [
-        (3, 0, 0, ["triangle"]),  # which gives room
-        (3, 1, 0, ["plate", "triangle"]),
+        (3, 0, 0, ["triangle", "plate"]),  # which gives room
+        (3, 1, 0, ["triangle", "plate"]),
         (3, 0, 2, ["triangle"]),
-        (3, 1, 1, ["plate", "triangle"]),  # whichever gives the third
+        (3, 1, 1, ["triangle", "plate"]),
         (5, 0, 0, ["triangle", "plate", "tubes"]),
         (5, 1, 0, ["triangle", "plate", "tubes"]),  # of which the plate gives some, later
         (5, 2, 0, ["plate", "tubes"]),
@@ -759,7 +769,7 @@ def test_who_goes_by_the_ring_stops_a_bleeding(seed: int) -> None:
     trainee, dice = Trainee(anatomy, exercise), np.random.default_rng(seed)
     run, asked = trainee.session.run, list[str]()
     while not run.over and len(asked) < 40:
-        step = trainee.lead.next_step
+        step = trainee.lead.asked.step
         assert step is not None
         asked.append(step.words)
         trainee.follow(step, dice.normal(scale=0.7, size=3))
@@ -787,13 +797,13 @@ def test_who_goes_by_the_rings_closes_what_is_freed(seed: int) -> None:
     trainee.use()
     trainee.wait(1.0)
     trainee.mark("cystic artery", "artery")
-    assert trainee.lead.points_at is None, "a press leads hands again, which have to clip"
+    assert trainee.lead.pointer.structure is None, "a press leads hands again, which have to clip"
     trainee.mark("cystic duct", "cystic")
     sights, looks = Sights(session, 1 << 20), itertools.count(TICKS_PER_SECOND, TICKS_PER_SECOND)
     while not session.run.over and session.run.seconds < 200.0:
         trainee.wait(0.6)
         sights.look(next(looks))
-        step = trainee.lead.next_step
+        step = trainee.lead.asked.step
         if step is not None:
             assert len(step.words.split()) <= 25, step.words
             trainee.follow(step, dice.normal(scale=0.7, size=3))

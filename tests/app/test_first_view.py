@@ -129,7 +129,7 @@ def followed(seed: int, exercise: Exercise, seconds: float) -> Trainee:
     run = trainee.session.run
     while run.seconds < seconds:
         trainee.wait(dice.uniform(0.6, 1.6))
-        step = trainee.lead.next_step
+        step = trainee.lead.asked.step
         if run.over or step is None:
             break
         marked = [each for name, each in MARKED.items() if f"mark the {name}" in step.words]
@@ -140,7 +140,7 @@ def followed(seed: int, exercise: Exercise, seconds: float) -> Trainee:
     return trainee
 
 
-RECORDED = {"first_view": 32, "critical_view": 20}
+RECORDED = {"first_view": 6, "critical_view": 21}
 """Of these runs, by exercise, the one that *Show me* plays."""
 
 
@@ -159,7 +159,7 @@ def test_what_show_me_plays_comes_of_what_the_page_asks_for(name: str) -> None:
 
 
 @pytest.mark.long  # some three minutes of hands each
-@pytest.mark.parametrize("seed", [1, 19])
+@pytest.mark.parametrize("seed", [1, 17])
 def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
     """Three of six points with mouse and keys, in under five minutes, and nothing tears."""
     session = followed(seed, usual("first_view"), 300.0).session
@@ -168,7 +168,7 @@ def test_who_does_what_the_page_asks_for_reaches_the_view(seed: int) -> None:
     assert outcome.passed, outcome.reason
     metrics = session.metrics()
     assert metrics["time_s"] < 300.0
-    assert metrics["peak_stress_ratio"] < 0.9
+    assert metrics["peak_stress_ratio"] < 0.6
     assert session.spatial.events == []
     assert session.spatial.hands[0].slips == 0
     kept = session.run_file()

@@ -17,6 +17,7 @@ from app.simulation import (
     Specimen,
     exercise_at,
 )
+from app.simulation.exercises.next_step import FIRM, GENTLE
 from app.simulation.tissue.blades import BLADES_MM
 from app.simulation.tissue.instruments import CLIP_OPENING, RADIUS
 from app.simulation.tissue.jaw_steps import OUT_MM, JawSteps
@@ -249,10 +250,10 @@ def test_blades_are_seen_to_close_and_a_grasper_to_hold(session: Session) -> Non
     assert drawn.opening(0) > held > 0.0
 
 
-def asked_to_cut(places: PartingPlaces, safety: Safety) -> Site:
+def asked_to_cut(places: PartingPlaces) -> Site:
     """Return what is asked to be cut once jaws have parted little, again and again."""
     for tried in range(6 * (CUT_AFTER + 1)):
-        site = places.best(safety.critical_view(), "triangle", 5)
+        site = places.best("triangle")
         assert site is not None
         if site.tool == "scissors":
             assert tried >= CUT_AFTER
@@ -270,10 +271,10 @@ def test_what_jaws_do_not_part_between_two_tubes_is_asked_to_be_cut(session: Ses
     session.choose_instrument(1, "scissors")
     tissue, safety = session.spatial, Safety(session.spatial)
     places = PartingPlaces(safety)
-    site = asked_to_cut(places, safety)
+    site = asked_to_cut(places)
     strands = tissue.tubes.strands
     assert (strands.to[site.near] >= 0).all(), "they hold two tubes together"
-    jaws, place = JawSteps(tissue, places, site), places.place_of(site)
+    jaws, place = JawSteps(tissue, places, site, GENTLE), places.place_of(site)
     assert "lead the right hand's scissors into the ring" in jaws.next_step().words
     assert site.beside is not None
     bring(tissue, place + site.beside, site.along, CLIP_OPENING)
@@ -310,8 +311,8 @@ def test_blades_that_have_a_tube_between_them_are_drawn_out(session: Session) ->
     session.release(0)
     tissue, safety = session.spatial, Safety(session.spatial)
     places = PartingPlaces(safety)
-    site = asked_to_cut(places, safety)
-    jaws = JawSteps(tissue, places, site)
+    site = asked_to_cut(places)
+    jaws = JawSteps(tissue, places, site, FIRM)
     assert site.beside is not None
     place = places.place_of(site)
     bring(tissue, place + site.beside, site.along, CLIP_OPENING)

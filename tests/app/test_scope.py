@@ -30,7 +30,6 @@ from app.simulation import (
     Dissection,
     Exercise,
     Feedback,
-    Instrument,
     NextStep,
     Phase,
     Replay,
@@ -48,18 +47,20 @@ from app.simulation import (
     run_json,
     seen_beside,
 )
+from app.simulation.exercises.critical_view import Part
 from app.simulation.exercises.next_step import (
     BACK,
     BACK_ALONG,
+    FIRM,
+    GENTLE,
     LEAVE,
+    OUT_AS,
     PRESSES,
     WITHDRAW,
     WITHDRAW_ALONG,
 )
 from app.simulation.inputs.trocar import DEEPEST, LENGTH
 from app.simulation.tissue.guidance import (
-    ASIDE,
-    EASED,
     NEARLY_TORN,
     OFF_THE_LIVER,
     STAGE_MM,
@@ -68,7 +69,6 @@ from app.simulation.tissue.guidance import (
     Guidance,
     _Pulling,
 )
-from app.simulation.tissue.guidance import UP as LIFTED
 from app.simulation.tissue.jaw_steps import (
     DEEPER_MM,
     DIRECTIONS,
@@ -78,6 +78,8 @@ from app.simulation.tissue.jaw_steps import (
     JawSteps,
 )
 from app.simulation.tissue.parting import PartingPlaces
+from app.simulation.tissue.spatial_tissue import SpatialTissue
+from app.trainer.client.asked_step import JUDGED_TICKS, USED_TICKS, AskedStep
 from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import (
     AHEAD_TICKS,
@@ -90,7 +92,6 @@ from app.trainer.client.scope_lead import (
     GRIPS_AT,
     HOLDS_MM_S,
     INSISTS,
-    JUDGED_TICKS,
     LEAST_PUSH_N,
     LEAST_SPEED,
     NEXT_SLACKENS,
@@ -105,21 +106,20 @@ from app.trainer.client.scope_lead import (
     RISES,
     SPREAD,
     STEADY,
-    STOPS_AT,
     THERE_MM,
-    USED_TICKS,
     ScopeLead,
     Stop,
 )
+from app.trainer.client.structure_pointer import StructurePointer
 from app.trainer.client.workers import Workers
 from app.trainer.panel.scope_panel import _moves
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Frame, Packing, Well
 from app.trainer.scope.pose import OBLIQUE, Laparoscope, Pose
-from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.scope.surroundings import film_runs, floor_under, strand_table, working_place
 from app.trainer.scope.tube_walls import SIDES, tube_wall
+from app.trainer.view.scope_scene import ScopeScene
 from organ_geometry import DrivingPoints, Organ
 from organ_geometry.curves.half_curves import fit_half_curves
 from physics.bed import SpaceBeam
@@ -594,16 +594,16 @@ def test_jaws_that_close_on_a_wall_wait_until_they_are_off_it(lead: ScopeLead) -
     lead.use_instrument()
     pass_time(lead, session, 3.0)
     assert hand.opening > 0.0
-    assert STOPS_AT < tissue.stress_ratio < 0.9
+    assert FIRM.stops_at < tissue.stress_ratio < 0.9
     advice, title = cast(MagicMock, lead._state.client.add_notification).call_args.args[::-1]
     assert advice == CLOSED_ON
-    assert title == "Stopped: the cystic duct nears its break"
+    assert re.fullmatch(r"Stopped: the cystic duct is at 7\d % of its break", title)
     closed = hand.opening
     assert lead.use == "Part"
     lead.use_instrument()
     pass_time(lead, session, 2.0)
     assert hand.opening == pytest.approx(closed + OFF_MM)
-    assert tissue.stress_ratio < STOPS_AT
+    assert tissue.stress_ratio < FIRM.stops_at
     lead.lead_hand(hand.place + 12.0 * shaft)
     pass_time(lead, session, 3.0)
     lead.use_instrument()
@@ -624,7 +624,7 @@ def test_jaws_that_touch_nothing_close_while_a_pull_strains_a_wall(lead: ScopeLe
     session.move_hand(0, tissue.hands[0].place + np.array([0.0, 0.0, 0.3]))
     lead.use_instrument()
     pass_time(lead, session, 2.0)
-    assert STOPS_AT < before + 0.01 < tissue.stress_ratio < 1.0
+    assert FIRM.stops_at < before + 0.01 < tissue.stress_ratio < 1.0
     assert hand.opening == 0.0
 
 
@@ -661,22 +661,22 @@ def test_jaws_push_no_harder_than_a_grasper_holds(
     assert advice == wanted
 
 
-def asked_jaws(lead: ScopeLead, instrument: Instrument, points: int) -> tuple[JawSteps, np.ndarray]:
-    """Give the right hand what parts the triangle; its steps, and (3,) mm where it is asked for."""
+def asked_jaws(lead: ScopeLead, part: Part) -> tuple[JawSteps, np.ndarray]:
+    """Give the right hand what parts some part of a view; its steps, and (3,) mm where it opens."""
     tissue = lead.session.spatial
     lead.session.start_exercise(critical_view())
-    lead.choose_instrument(1, instrument)
     safety = Safety(tissue)
     places = PartingPlaces(safety)
-    site = places.best(safety.critical_view(), "triangle", points)
+    site = places.best(part)
     assert site is not None
-    return JawSteps(tissue, places, site), places.place_of(site)
+    lead.choose_instrument(1, site.tool)
+    return JawSteps(tissue, places, site, GENTLE), places.place_of(site)
 
 
 def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None:
     """Else opening them is asked for again and again, which the trainer stops each time."""
     tissue = lead.session.spatial
-    jaws, place = asked_jaws(lead, "dissector", 3)
+    jaws, place = asked_jaws(lead, "plate")
     hand, site = tissue.hands[1], jaws.site
     hand.put(place)
     shaft = TROCARS[1].shaft(hand.place)
@@ -687,7 +687,7 @@ def test_jaws_that_press_too_hard_to_part_are_drawn_out(lead: ScopeLead) -> None
     tissue._forces = [[0.0] * 3, [GRIPS_AT * GRIP_N + 0.1, 0.0, 0.0]]
     jaws.follow()
     step = jaws.next_step()
-    assert step.words == PRESSES.format("dissector")
+    assert step.words == OUT_AS.format("dissector", PRESSES)
     assert len(step.words.split()) <= 25
     assert not jaws.is_over
     hand.put(hand.place + (LEFT_MM + 0.1) * shaft)
@@ -701,7 +701,7 @@ def test_a_bent_tip_that_cannot_part_where_it_has_passed_goes_back_as_it_came(
 ) -> None:
     """It presses too hard there, or has strained a wall too often; then the place is left."""
     tissue = lead.session.spatial
-    jaws, place = asked_jaws(lead, "right angle", 5)
+    jaws, place = asked_jaws(lead, "triangle")
     hand, site = tissue.hands[1], jaws.site
     assert site.beside is not None
     hand.aim = tuple(site.along.tolist())
@@ -733,7 +733,7 @@ def test_a_tip_that_strains_a_wall_where_it_comes_to_is_drawn_out_and_led_off(
 ) -> None:
     """Back a little at first; who is still strained by it is led off the wall; a place is left."""
     tissue = lead.session.spatial
-    jaws, place = asked_jaws(lead, "right angle", 5)
+    jaws, place = asked_jaws(lead, "triangle")
     taut(lead)
     tissue.hands[1].put(place)
     wall = tube_title(tissue.most_stressed)
@@ -757,7 +757,7 @@ def test_what_still_strains_a_wall_is_asked_for_by_the_same_steps(
     guidance.next_step(exercise, viewed=False)
     jaws = guidance._jaws
     monkeypatch.setattr(JawSteps, "is_over", property(lambda _: True))
-    for stress, stays in ((0.65, True), (0.55, False)):
+    for stress, stays in ((GENTLE.taut + 0.01, True), (GENTLE.taut - 0.01, False)):
         tissue.stress_ratio = stress
         guidance._follow()
         assert (guidance._jaws is jaws) == stays
@@ -773,7 +773,7 @@ def critical_view(name: str = "critical_view") -> Exercise:
 def test_a_bent_tip_that_lifts_a_wall_is_led_deeper_and_past_it(lead: ScopeLead) -> None:
     """Drawn out as it lies, it would take the wall along and strain it more and more."""
     tissue = lead.session.spatial
-    jaws, _ = asked_jaws(lead, "right angle", 5)
+    jaws, _ = asked_jaws(lead, "triangle")
     taut(lead)
     hand = tissue.hands[1]
     wall = tissue.most_stressed
@@ -809,11 +809,11 @@ def taut(lead: ScopeLead) -> None:
     session.move_hand(0, tissue.hands[0].place + np.array([0.0, 0.0, 60.0]))
     for _ in range(400):
         session.advance()
-        if tissue.stress_ratio > STOPS_AT:
+        if tissue.stress_ratio > FIRM.stops_at:
             break
     session.move_hand(0, tissue.hands[0].place - [0.0, 0.0, 0.1])
     pass_time(lead, session, 1.0)
-    assert STOPS_AT < tissue.stress_ratio < 1.0
+    assert FIRM.stops_at < tissue.stress_ratio < 1.0
 
 
 def test_what_is_stopped_in_an_exercise_is_slackened_by_what_comes_next(lead: ScopeLead) -> None:
@@ -825,15 +825,15 @@ def test_what_is_stopped_in_an_exercise_is_slackened_by_what_comes_next(lead: Sc
     lead.lead_hand(tissue.hands[0].tip + np.array([0.0, 0.0, 20.0]))
     pass_time(lead, session, 0.5)
     title, advice = cast(MagicMock, lead._state.client.add_notification).call_args.args
-    assert title == f"Stopped: the {tube_title(tissue.most_stressed)} nears its break"
+    assert re.fullmatch(r"Stopped: the cystic duct is at 7\d % of its break", title)
     assert advice == NEXT_SLACKENS
-    step = lead.next_step
+    step = lead.asked.step
     assert step is not None
     assert "is strained" in step.words
     # What is let back may bend, and strain a wall more: near its break it is let go.
     tissue.stress_ratio = 0.5 * (NEARLY_TORN + 1.0)
     tissue.ticks += JUDGED_TICKS
-    step = lead.next_step
+    step = lead.asked.step
     assert step is not None
     assert step.words.startswith("Next: let go of the cystic duct")
 
@@ -841,7 +841,7 @@ def test_what_is_stopped_in_an_exercise_is_slackened_by_what_comes_next(lead: Sc
 def test_jaws_that_cannot_leave_a_wall_along_their_tip_leave_it_otherwise(lead: ScopeLead) -> None:
     """What they take along is strained on each way but some: these are asked for in turn."""
     tissue = lead.session.spatial
-    jaws, place = asked_jaws(lead, "right angle", 5)
+    jaws, place = asked_jaws(lead, "triangle")
     taut(lead)
     tissue.hands[1].put(place)
     tissue.hands[1].opening = 10.0
@@ -863,7 +863,7 @@ def test_where_open_jaws_leave_a_wall_stays_asked_for_until_they_have_gone_there
 ) -> None:
     """While a tip lies still nothing else is asked for; who goes there in vain is led elsewhere."""
     tissue = lead.session.spatial
-    jaws, place = asked_jaws(lead, "right angle", 5)
+    jaws, place = asked_jaws(lead, "triangle")
     taut(lead)
     hand = tissue.hands[1]
     hand.put(place)
@@ -895,7 +895,7 @@ def test_jaws_are_led_off_a_tube_that_runs_through_between_them_before_they_clos
     lead: ScopeLead,
 ) -> None:
     tissue = lead.session.spatial
-    jaws, _ = asked_jaws(lead, "right angle", 5)
+    jaws, _ = asked_jaws(lead, "triangle")
     near, middle, far = tissue.beam.places_at(np.array([9.5, 10.0, 10.5]), "cystic")
     along = (far - near) / np.linalg.norm(far - near)
     aim = np.cross(along, UP)
@@ -918,25 +918,20 @@ def test_jaws_are_led_off_a_tube_that_runs_through_between_them_before_they_clos
 
 
 def test_a_pull_ends_where_it_would_have_to_be_slackened_again(lead: ScopeLead) -> None:
-    """Jaws come to what a pull strains by less; one that lifts goes on."""
+    """Jaws come to what a pull strains by less."""
     session = lead.session
     exercise = critical_view("first_view")
     session.start_exercise(exercise)
     session.grab(0, 8.0, session.spatial.tubes.names.index("gallbladder"))
     tissue = session.spatial
-    for pull, drawn in (
-        (ASIDE, True),
-        (OFF_THE_LIVER, True),
-        (TO_COMMON, True),
-        (LIFTED, False),
-    ):
-        for stress in (EASED - 0.01, EASED + 0.01):
+    for pull in (OFF_THE_LIVER, TO_COMMON):
+        for stress in (GENTLE.eased - 0.01, GENTLE.eased + 0.01):
             guidance = Guidance(Safety(tissue))
             guidance.next_step(exercise, viewed=False)
             guidance._pulling = pulling = _Pulling(pull, 8.0)
             tissue.stress_ratio = stress
             guidance._pull_step(pulling)
-            assert pulling.drawn == (drawn and stress > EASED), (pull, stress)
+            assert pulling.drawn == (stress > GENTLE.eased), (pull, stress)
 
 
 def test_what_is_held_is_let_go_where_jaws_stay_strained_once_the_view_is_reached(
@@ -990,7 +985,7 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     pass_time(lead, session, 2.0)
     assert np.linalg.norm(tissue.hands[0].place - start) < 0.2
     title = cast(MagicMock, lead._state.client).add_notification.call_args.args[0]
-    assert title == f"Stopped: the {tube_title(tissue.most_stressed)} nears its break"
+    assert re.fullmatch(r"Stopped: the cystic duct is at 7\d % of its break", title)
     # Keys that were pressed before the stop was seen do nothing; then each goes on a little.
     lead.lead_hand(start + tissue.hands[0].jaws + [0.0, 0.0, 20.0])
     pass_time(lead, session, 0.1)
@@ -1000,7 +995,7 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     assert np.linalg.norm(tissue.hands[0].place - start) < 0.3
     pass_time(lead, session, 1.0)
     for _ in range(100):
-        if tissue.stress_ratio > STOPS_AT:
+        if tissue.stress_ratio > FIRM.stops_at:
             break
         session.move_hand(0, tissue.hands[0].place + np.array([0.0, 0.0, 0.02]))
         pass_time(lead, session, 0.1)
@@ -1010,7 +1005,7 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     assert before < tissue.stress_ratio < before + 2.0 * INSISTS
     lead.lead_hand(start + tissue.hands[0].jaws - [0.0, 0.0, 4.0])  # it gives way at any time
     pass_time(lead, session, 2.0)
-    assert tissue.stress_ratio < STOPS_AT
+    assert tissue.stress_ratio < FIRM.stops_at
     # Nobody who is not to see figures is helped by them.
     session.start_exercise(critical_view(), Feedback.SUMMARY)
     taut(lead)
@@ -1106,7 +1101,7 @@ def test_jaws_close_by_a_key_however_near_a_break_is(lead: ScopeLead) -> None:
     taut(lead)
     lead.choose(1)
     pass_time(lead, session, 0.5)
-    assert session.spatial.stress_ratio > STOPS_AT
+    assert session.spatial.stress_ratio > FIRM.stops_at
     lead.open_more(-1.0)
     pass_time(lead, session, 0.5)
     assert session.spatial.hands[1].target_opening == 5.0
@@ -1129,7 +1124,20 @@ def test_a_tip_that_meets_a_wall_goes_slowly(lead: ScopeLead) -> None:
     assert max(step for _, step in steps) > 2.0 * HOLDS_MM_S
     assert any(pressed for pressed, _ in steps)
     assert max(step for pressed, step in steps if pressed) <= HOLDS_MM_S * (1 + 1e-9)
-    assert STOPS_AT <= session.spatial.peak_stress_ratio < 0.8
+    assert FIRM.stops_at <= session.spatial.peak_stress_ratio < 0.8
+
+
+def begun_at_plate(lead: ScopeLead) -> SpatialTissue:
+    """Begin *First view* and part its triangle, so that the gallbladder is drawn next."""
+    session = lead.session
+    session.start_exercise(critical_view("first_view"))
+    session.open_jaws(1, 0.1)
+    session.open_jaws(1, 0.0)
+    tissue = session.spatial  # made whole, as a run begins
+    strands = Safety(tissue).lacking("triangle")
+    tissue.beam.detach(strands & (np.cumsum(strands) <= 0.85 * strands.sum()))
+    pass_time(lead, session, 1.0)
+    return tissue
 
 
 def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
@@ -1139,41 +1147,88 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     def asked() -> NextStep:
         """What is asked for, whose strands are those that are marked, and whose ring is shown."""
         pass_time(lead, session, JUDGED_TICKS * TICK_SECONDS)
-        step = lead.next_step
+        step = lead.asked.step
         assert step is not None, session.run.outcome
-        assert sorted(tissue.beam.order[list(lead.to_part)]) == sorted(step.strands)
-        assert (lead.ring is None) == (step.place is None)
-        if lead.ring is not None:
-            assert lead.ring[:3] == pytest.approx(step.place, abs=0.01)
+        assert sorted(tissue.beam.order[list(lead.asked.to_part)]) == sorted(step.strands)
+        assert (lead.asked.ring is None) == (step.place is None)
+        if lead.asked.ring is not None:
+            assert lead.asked.ring[:3] == pytest.approx(step.place, abs=0.01)
             assert step.hand is not None
-            assert lead.ring[3:6] == pytest.approx(step.along or (0.0, 0.0, 0.0), abs=0.01)
+            assert lead.asked.ring[3:6] == pytest.approx(step.along or (0.0, 0.0, 0.0), abs=0.01)
             # Its line is a shaft that comes there; what is held is led along none.
-            assert step.hand == lead.ring[9]
+            assert step.hand == lead.asked.ring[9]
             holds = tissue.hands[step.hand].node is not None
             shaft = np.zeros(3) if holds else TROCARS[step.hand].shaft(np.array(step.place))
-            assert lead.ring[6:9] == pytest.approx(shaft, abs=0.01)
+            assert lead.asked.ring[6:9] == pytest.approx(shaft, abs=0.01)
         return step
 
     def part(strands: np.ndarray) -> None:
         tissue.beam.detach(np.isin(np.arange(tissue.beam.order.size), strands))
         session.advance()
 
-    assert lead.next_step is None
-    assert lead.to_part == ()
+    assert lead.asked.step is None
+    assert lead.asked.to_part == ()
+    # Each turn is shown as it is to be made.
     session.start_exercise(critical_view("first_view"))
     tissue = session.spatial
+    assert asked().tool == "right angle"
+    assert lead.asked.turn is None  # of a grasper
+    assert lead.to_ring is None
+    lead.choose_instrument(1, "right angle")
+    tissue = session.spatial  # made whole, as a run begins
+    lead.advance(1)  # what was led before the run goes on no more
+    lead.nudge(0.0, 0.0, 1.0)  # which bends it across its shaft
+    pass_time(lead, session, 3.0)  # so near the ring it turns along the bar
+    for by in (0.0, 0.5, 1.0, -2.0):
+        lead.turn(by)
+        off = lead.asked.turn
+        assert off is not None
+        assert abs(off) <= math.pi
+        presses = 0
+        while abs(off := lead.asked.turn or 0.0) > 0.01:
+            lead.turn(math.copysign(0.15, off))
+            presses += 1
+            assert presses <= 7  # half a turn in steps of 26 degrees
+        assert lead.asked.turn == pytest.approx(0.0, abs=0.01)
+    # Right and up under the pointer, and then in by the wheel, it comes into the ring, and its jaws
+    # turn along the bar.
+    lead.turn(1.0)
+    assert abs(lead.asked.turn or 0.0) == pytest.approx(1.0, abs=0.01)
+    to_ring = lead.to_ring
+    assert to_ring is not None
+    lead.nudge(to_ring[0] + 0.6, to_ring[1] - 0.6, 0.0)  # near enough to be led onto the path
+    lead.turn(-2.0)  # meanwhile keys do nothing
+    pass_time(lead, session, 2.0)
+    left = lead.to_ring
+    assert left is not None
+    assert left == pytest.approx((0.0, 0.0, to_ring[2]), abs=0.1)
+    assert lead.asked.turn == pytest.approx(0.0, abs=0.02)
+    assert not lead.asked.in_ring
+    assert left[2] > 5.0
+    lead.nudge(0.0, 0.0, left[2] - 0.6)
+    for _ in range(150):
+        pass_time(lead, session, TICK_SECONDS)
+        if lead.asked.in_ring:
+            break
+    # In it the tip is turned once more, and goes on along itself.
+    lead.turn(1.0)
+    assert asked().words.startswith("Next: turn the right hand's right angle")
+    lead.turn(-1.0)
+    assert asked().words.startswith("Next: lead the right hand's right angle along its tip")
+    # What is held is drawn, opened beside, closed and withdrawn.
+    tissue = begun_at_plate(lead)
+    lead.choose(0)
     hold = "Next: take hold of the gallbladder in the ring with the left hand's grasper (G)."
     assert asked().words == hold
     # Beside the ring, nothing is said of how deep one is to go.
     lead.use_instrument()
     refused = cast(MagicMock, state.client.add_notification).call_args.args
     assert refused == ("Not possible", NOT_IN_RING)
-    assert session.grab(0, 8.0, tissue.tubes.names.index("gallbladder")) is not None
-    tissue = session.spatial  # made whole, as a run begins
+    assert session.grab(0, 20.0, tissue.tubes.names.index("gallbladder")) is not None
     # Held it is drawn, by stages, each of which is asked for by a ring and its distance.
-    aside = "Next: draw the gallbladder aside with the left hand's grasper: drag it slowly"
+    off = "Next: draw the gallbladder off the liver with the left hand's grasper: drag it slowly"
     far = list[float]()
-    while (step := asked()).words.startswith(aside):
+    while (step := asked()).words.startswith(off):
         to_ring = lead.to_ring
         assert to_ring is not None
         place = np.array(step.place)
@@ -1186,51 +1241,12 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
     while (step := asked()).words.startswith("Next: let the gallbladder back towards"):
         lead.lead_hand(tissue.hands[0].tip - [0.0, 0.7, 0.7])
         pass_time(lead, session, 1.0)
-    assert tissue.stress_ratio < EASED
-    between = "Next: part the tissue between cystic duct and common duct: lead the right hand's"
-    assert asked().words.startswith(f"{between} dissector into the ring")
-    # Each turn is shown as it is to be made: by it a jaw lies towards each duct.
-    assert asked().tool == "dissector"
-    assert lead.turn_left is None  # of a grasper
-    assert lead.to_ring is None
-    lead.choose(1)
-    lead.advance(1)  # what was led before the run goes on no more
-    lead.nudge(0.0, 0.0, 1.0)  # which lays it along its shaft
-    pass_time(lead, session, 0.5)
-    for by in (0.0, 0.5, 1.0, -2.0):
-        lead.turn(by)
-        off = lead.turn_left
-        assert off is not None
-        assert abs(off) <= 0.5 * math.pi
-        presses = 0
-        while abs(off := lead.turn_left or 0.0) > 0.01:
-            lead.turn(math.copysign(0.15, off))
-            presses += 1
-        assert presses <= 4  # a right angle in steps of 26 degrees
-        assert lead.turn_left == pytest.approx(0.0, abs=0.01)
-    # Right and up under the pointer, and then in by the wheel, it comes into the ring, and its jaws
-    # turn along the bar.
-    lead.turn(1.0)
-    assert abs(lead.turn_left or 0.0) == pytest.approx(1.0, abs=0.01)
-    to_ring = lead.to_ring
-    assert to_ring is not None
-    lead.nudge(to_ring[0] + 0.6, to_ring[1] - 0.6, 0.0)  # near enough to be led onto the path
-    lead.turn(-2.0)  # meanwhile keys do nothing
-    pass_time(lead, session, 2.0)
-    left = lead.to_ring
-    assert left is not None
-    assert left == pytest.approx((0.0, 0.0, to_ring[2]), abs=0.1)
-    assert lead.turn_left == pytest.approx(0.0, abs=0.02)
-    assert not lead.in_ring
-    lead.nudge(0.0, 0.0, left[2] - 0.6)
-    pass_time(lead, session, 2.0)
-    assert lead.in_ring
-    assert lead.to_ring == pytest.approx((0.0, 0.0, 0.0), abs=0.1)
-    assert left[2] > 5.0
-    # In it jaws are turned once more, opened, closed and withdrawn.
-    lead.turn(1.0)
-    assert asked().words.startswith("Next: turn the right hand's dissector")
-    lead.turn(-1.0)
+    assert tissue.stress_ratio < GENTLE.eased
+    plate = "Next: part the gallbladder from the liver: lead the right hand's dissector"
+    assert asked().words.startswith(f"{plate} into the ring")
+    lead.choose_instrument(1, "dissector")
+    lead.seek_ring()
+    pass_time(lead, session, 6.0)
     assert asked().words.startswith("Next: open the right hand's dissector (G)")
     lead.use_instrument()
     pass_time(lead, session, 1.0)
@@ -1239,13 +1255,13 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
         opens.append(tissue.hands[1].opening)
     assert opens == sorted(opens)
     assert len(opens) > 1
-    assert step.words == "Next: close the right hand's dissector (G)."
+    assert step.words.startswith("Next: close the right hand's dissector (G)")
     lead.use_instrument()
     pass_time(lead, session, 2.0)
     assert asked().words.startswith("Next: draw the right hand's dissector out of the tissue")
     state.show(marks_next=False)
-    assert lead.next_step is None
-    assert lead.to_part == ()
+    assert lead.asked.step is None
+    assert lead.asked.to_part == ()
 
 
 def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: ScopeLead) -> None:
@@ -1256,7 +1272,7 @@ def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: Scope
     advance = partial(ScopeScene.advance, cast(Any, scene))
     for _ in range(100):  # until the assistant has led the scope to both tips
         advance(1)
-        scene._marks = lead.to_part, lead.ring
+        scene._marks = lead.asked.to_part, lead.asked.ring
         session.advance()
     assert not session.tissue.moving
     assert not advance(1)
@@ -1290,8 +1306,8 @@ def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: Scope
     # So does the wheel, whose notches count for more where they follow quickly, until it is there.
     lead.wheel(-10.0)
     pass_time(lead, session, 2.0)
-    assert lead.ring is not None
-    ring = np.array(lead.ring[:3])
+    assert lead.asked.ring is not None
+    ring = np.array(lead.asked.ring[:3])
     lead.lead_hand(ring + 15.0 * TROCARS[1].shaft(ring))
     pass_time(lead, session, 2.0)
     for _ in range(8):
@@ -1308,18 +1324,18 @@ def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: Scope
     pass_time(lead, session, 1.0)
     lead.choose_next_instrument()
     assert session.spatial.hands[1].instrument != "right angle", "which it has"
-    session.start_exercise(critical_view("first_view"))
+    begun_at_plate(lead)
     lead.choose(0)
-    step = lead.next_step
+    step = lead.asked.step
     assert step is not None
     assert "take hold" in step.words
     assert step.place is not None
     session.spatial.hands[0].put(np.array(step.place))
     lead.use_instrument()
     pass_time(lead, session, USED_TICKS * TICK_SECONDS)
-    step = lead.next_step
+    step = lead.asked.step
     assert step is not None
-    assert "draw the gallbladder aside" in step.words
+    assert "draw the gallbladder off the liver" in step.words
 
 
 def test_a_press_on_the_ring_leads_the_tip_there(lead: ScopeLead) -> None:
@@ -1332,24 +1348,21 @@ def test_a_press_on_the_ring_leads_the_tip_there(lead: ScopeLead) -> None:
         ScopeScene.take(cast(Any, SimpleNamespace(_led=lead)), f"1 {word} {ray}")
 
     def ring() -> np.ndarray:
-        assert lead.ring is not None
-        return np.array(lead.ring[:3])
+        assert lead.asked.ring is not None
+        return np.array(lead.asked.ring[:3])
 
     refused = cast(MagicMock, lead._state.client.add_notification)
     lead.seek_ring()
     assert refused.call_args.args == ("Not possible", NO_RING)
-    session.start_exercise(critical_view("first_view"))
+    hand = begun_at_plate(lead).hands[0]
     lead.choose(0)
-    pass_time(lead, session, 0.5)
-    hand = session.spatial.hands[0]
     aside = np.array([0.0, 0.5 * PRESSED_MM, 0.0])
     press(ring() + aside)
-    pass_time(lead, session, 3.0)
+    pass_time(lead, session, 6.0)
     assert hand.tip == pytest.approx(ring(), abs=THERE_MM)
     # What is held goes there straight, as long as it is pressed.
     lead.use_instrument()
     pass_time(lead, session, 0.5)
-    hand = session.spatial.hands[0]  # made whole, as a run begins
     assert hand.node is not None
     start, held_to = hand.tip, ring()
     press(held_to)
@@ -1388,7 +1401,7 @@ def test_a_press_on_the_ring_leads_the_tip_there(lead: ScopeLead) -> None:
     assert len(tips) < 1000
     assert before[aside < 0.5 * aside[0]].min() > -0.5
     assert (before[1:50] >= before[:49] - 1e-6).all()
-    assert lead.turn_left == pytest.approx(0.0, abs=0.03)
+    assert lead.asked.turn == pytest.approx(0.0, abs=0.03)
     # By a key, and by a gamepad; a notch of the wheel ends it.
     page = cast(Any, SimpleNamespace(_led=lead))
     for act in (lead.seek_ring, partial(ScopeScene.take, page, "3 ring")):
@@ -1688,15 +1701,15 @@ def test_jaws_whose_shaft_lies_along_the_bar_need_no_turn(
     lead.choose(1)
     x, y, z = TROCARS[1].shaft(lead.session.spatial.hands[1].place).tolist()
     step = NextStep("", np.zeros(0, np.int64), along=(x, y, z), hand=1)
-    monkeypatch.setattr(ScopeLead, "next_step", step)
-    assert lead.turn_left == 0.0
+    monkeypatch.setattr(AskedStep, "step", step)
+    assert lead.asked.turn == 0.0
 
 
 def test_the_wheel_leads_the_scope_while_structures_are_pointed_at(
     lead: ScopeLead, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No hand moves then: one looks closer."""
-    monkeypatch.setattr(ScopeLead, "points_at", "cystic duct")
+    monkeypatch.setattr(StructurePointer, "structure", "cystic duct")
     depth, tip = lead.held.pose.depth, lead.session.spatial.hands[0].place.copy()
     lead.wheel(2.0)
     pass_time(lead, lead.session, 0.5)

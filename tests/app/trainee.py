@@ -27,7 +27,7 @@ from app.trainer.client.page_state import PageState
 from app.trainer.client.scope_lead import NOTCH_MM, ScopeLead
 from app.trainer.client.workers import Workers
 from app.trainer.scope.held_scope import HeldScope
-from app.trainer.scope.scope_scene import ScopeScene
+from app.trainer.view.scope_scene import ScopeScene
 
 Floats = NDArray[np.float64]
 TURN = 0.15
@@ -72,7 +72,7 @@ class Trainee:
             self.lead.advance(1)
             self.held.advance([hand.place for hand in self.session.spatial.hands])
             self.session.advance()
-            _ = self.lead.ring  # the page reads it with each picture
+            _ = self.lead.asked.ring  # the page reads it with each picture
 
     @property
     def tip(self) -> Floats:
@@ -318,7 +318,7 @@ class Trainee:
     def _turn(self) -> None:
         """Press L or J as the read-out says."""
         for _ in range(12):
-            off = self.lead.turn_left
+            off = self.lead.asked.turn
             if off is None or abs(off) < 0.5 * TURN:
                 return
             self.lead.turn(math.copysign(TURN, off))
@@ -344,9 +344,10 @@ class Trainee:
     @property
     def _eased(self) -> bool:
         """Whether what is strained is slack, or slackened no more: whoever lets back reads on."""
-        step = self.lead.next_step
+        step = self.lead.asked.step
         asked = step is not None and "let the" in step.words
-        return self.session.spatial.stress_ratio < EASED or not asked
+        eased = EASED if step is None else step.strain.eased
+        return self.session.spatial.stress_ratio < eased or not asked
 
     def mark(self, structure: Structure, tube: str) -> None:
         """Choose a structure under Point at, and press where its tube is seen before all others.
@@ -361,7 +362,7 @@ class Trainee:
                     break
                 self.lead.move_scope(cable=TURN)
         assert seen, f"the {tube} is hidden"
-        self.lead.point(structure)
+        self.lead.pointer.choose(structure)
         self.send("point " + " ".join(f"{each:.3f}" for each in seen[len(seen) // 2]))
         self.wait()
 

@@ -10,12 +10,9 @@ MOST_POINTS = 6
 """Of the critical view: two for each of its parts."""
 ENOUGH, SOME = 0.9, 0.6
 """Fractions of a region's strands that have parted, for two points and for one."""
-BY_DISSECTOR = 3
-"""Points that a dissector reaches alone, or almost; for more a right angle begins, before what it
-passes behind lies otherwise."""
-OPENED, CLEARED = 0.3, 0.8
-"""Fractions of the triangle's strands, from which on the gallbladder is drawn off the liver, for so
-many points and for more: freed there, it gives room for the rest."""
+CLEARED = 0.8
+"""Fraction of the triangle's strands, from which on the gallbladder is drawn off the liver: freed
+there, it gives room for the rest."""
 NEARLY = 0.99
 """Of the way to its points, that is shown at most until all of them are there."""
 TENTED_DIAMETERS, TENTED_DEG = 0.5, 10.0
@@ -74,9 +71,7 @@ class CriticalView:
             ("tubes", self.two_structures, most if points > 2 * most else 0),
         ]
         parts: list[Part] = [part for part, has, wanted in asked if has < wanted]
-        if points <= BY_DISSECTOR and self.triangle < OPENED:
-            return ["triangle"]
-        if points > BY_DISSECTOR and self.triangle < CLEARED:
+        if self.triangle < CLEARED:
             return ["triangle", *(part for part in parts if part != "triangle")]
         return parts
 

@@ -55,9 +55,10 @@ EXERCISES: dict[str, ExerciseKind] = {
     ),
     "first_view": ExerciseKind(
         "First view",
-        "draw the gallbladder aside, part a first third of the triangle, draw the gallbladder off "
-        "the liver for room, and part the rest",
-        ("wrong_structure", "bleeding"), ALL_INSTRUMENTS, time_limit_s=1200.0,
+        "part most of the triangle with the right angle, draw the gallbladder off the liver, and "
+        "part there what holds it with the dissector",
+        ("wrong_structure", "bleeding"), ALL_INSTRUMENTS, in_hand=("grasper", "right angle"),
+        first_hand=1, time_limit_s=1200.0,
     ),
     "critical_view": ExerciseKind(
         "Critical view",

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 from app.simulation.inputs.inputs import Instrument
 
 Three = tuple[float, float, float]
-Where = Literal["between", "under", "plate", "behind"]
+Where = Literal["between", "plate", "behind"]
 PART: dict[Where, str] = {
     "between": "Next: part the tissue between {} and {}: lead the right hand's {} into the ring.",
-    "under": "Next: part the tissue under the {}: lead the right hand's {} into the ring.",
     "behind": "Next: part the tissue behind the {}: lead the right hand's {} into the ring.",
     "plate": "Next: part the {} from the liver: lead the right hand's {} into the ring.",
 }
@@ -24,17 +23,15 @@ PASS: dict[Where, str] = {
 TURN = "Next: turn the right hand's {} (J, L) to lie along the ring's bar."
 OPEN = "Next: open the right hand's {} (G): its jaws part what lies in the ring."
 OPENS = "Next: the right hand's {} opens; wait until its jaws stand still."
-UNDER = (
-    "Next: lead the right hand's open {} under the {}, slowly, until its tip is in the ring or "
-    "stops."
-)
 BETWEEN_BLADES = "Next: lead the right hand's open {} between {} and {}, into the ring."
 CUT = "Next: cut what lies between its blades with the right hand's {} (G)."
-BLADES_OUT = "Next: draw the right hand's {} out of the tissue (wheel back): {}."
+OUT_AS = "Next: draw the right hand's {} out of the tissue (wheel back): {}."
 NOTHING_BETWEEN = "nothing lies between its blades"
 TUBE_BETWEEN = "the {} lies between its blades"
-BLADES_STRAIN = "it strains the {}"
-"""Why blades are drawn out that have cut nothing."""
+STRAINS = "it strains the {}"
+PRESSES = "it presses too hard for jaws to part"
+BLOCKED = "a wall is in its way"
+"""Why it is drawn out that has parted nothing."""
 SWEEP = "Next: sweep the right hand's closed {} between {} and {}, slowly, into the ring."
 CLOSES = "Next: the right hand's {} closes; wait until its jaws stand still."
 CLOSE = "Next: close the right hand's {} (G)."
@@ -54,9 +51,6 @@ DRAW_DOWN = (
     "Next: draw the {} towards the common duct with the left hand's grasper: drag it slowly into "
     "the ring, stage {} of {}."
 )
-LIFT = (
-    "Next: lift the {} with the left hand's grasper: drag it slowly into the ring, stage {} of {}."
-)
 TO_RING = " towards the ring"
 """Where to it is let back, if that is known."""
 LET_BACK = (
@@ -67,10 +61,6 @@ LET_GO = "Next: let go of the {} with the left hand's grasper (G){}."
 ELSEWHERE = ", to hold it elsewhere"
 PULLS = ": its pull leaves the {} no room"
 STAYS_TAUT = ": the {} stays strained"
-LIFTED = (
-    "Next: let go of the {} with the left hand's grasper (G): jaws have more room where nothing "
-    "pulls."
-)
 SLACKEN = (
     "Next: let the {} back{} with the left hand until Highest stress is under {:.0f} %: "
     "the {} is strained."
@@ -81,10 +71,6 @@ WITHDRAW_ALONG = (
 )
 PINCHED = "Next: open the right hand's {} again (G): the {} lies between its jaws."
 LEAVE = "Next: lead the right hand's {} off the {}, into the ring."
-PRESSES = (
-    "Next: draw the right hand's {} out of the tissue (wheel back): it presses too hard for jaws "
-    "to part."
-)
 MARK = (
     "Next: mark the {}: choose it under Point at, and press it in the picture. If it is hidden, "
     "look from aside (Z, then Y, J, L)."
@@ -106,6 +92,19 @@ STAYS_STOPPED = "Next: wait, and touch nothing: it has to stay stopped."
 NO_STRANDS = np.zeros(0, dtype=np.int64)
 
 
+class Strain(NamedTuple):
+    """How far a wall may be strained, of its break, by what an exercise asks for."""
+
+    eased: float  # to which what pulls is slackened
+    taut: float  # from which on jaws are led no further
+    stops_at: float  # from which on what strains it is stopped
+
+
+GENTLE, FIRM = Strain(0.36, 0.42, 0.48), Strain(0.45, 0.6, 0.7)
+"""At first: under half of a break, as errors have it (`tension_on_vessel`); and where little parts
+by that, or something closes on a tube."""
+
+
 class NextStep(NamedTuple):
     """What an exercise asks for next."""
 
@@ -117,3 +116,4 @@ class NextStep(NamedTuple):
     tool: Instrument | None = None  # that it takes; None for what it has
     through: bool = False  # whether the tip is led there through tissue, and not in front of it
     leads: bool = False  # whether the tip is still to be led into the ring
+    strain: Strain = FIRM  # that it is done by at most

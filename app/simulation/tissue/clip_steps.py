@@ -6,6 +6,7 @@ gallbladder first the clips that go with it, then the division, then the clips t
 """
 
 import bisect
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Literal, NamedTuple
 
@@ -49,6 +50,8 @@ MOST_FURTHER_MM, HELD_MM = 6, 2.0
 which strands leave jaws no room."""
 SLIDES_MM = 4.0
 """mm along a tube, up to which jaws about it are led to their place; farther, they come anew."""
+COMES_MM = 8.0
+"""mm off a place, from which on jaws may push the tube there away."""
 PER_MM = 10.0
 """Strands for which a mm counts by which a jaw would have to push another tube aside."""
 SHIFTS_MM, MOST_IN_VAIN, SPACE_APART_MM = (0.0, 1.5, -1.5, 3.0, -3.0), 2, 1.2
@@ -147,8 +150,8 @@ class JawsOnTube:
     def __init__(self, tissue: SpatialTissue) -> None:
         self._tissue = tissue
         self._site: tuple[object, float] = None, 0.0  # what is asked for, and its station, mm
-        self.others = 0
-        """How often another tube has come between, too."""
+        self.in_vain = 0
+        """How often another tube has come between, too, or the jaws have pushed a tube away."""
         self._beside = 0  # 1 while one is there, 2 with the tube itself
 
     def next_step(
@@ -181,11 +184,14 @@ class JawsOnTube:
         jaws = hand.opening if hand.instrument == tool else CLIP_OPENING
         # A site that is good stays: which is the clearest changes as jaws come near.
         asked = tool, tube, purpose
-        if self._site[0] != asked:
-            self.others = 0
+        anew = self._site[0] != asked
+        if anew:
+            self.in_vain = 0
         site = ClipSite.at(tissue, tube, self._site[1], jaws)
-        if self._site[0] != asked or not is_good(site.between):
+        if anew or not is_good(site.between):
+            before, near = site.station, math.dist(site.tip, hand.place) < COMES_MM
             site = ClipSite.clearest(tissue, tube, stations, jaws, is_good)
+            self.in_vain += not anew and near and site.station != before
             self._site = asked, site.station
         between: dict[str, float] = {}
         if hand.instrument == tool:
@@ -200,7 +206,7 @@ class JawsOnTube:
         title, others = tube_title(tube), [each for each in between if each != tube]
         leads = not is_good(between)
         beside = bool(others) + (bool(others) and tube in between)
-        self.others += beside > self._beside
+        self.in_vain += beside > self._beside
         self._beside = beside
         off = site.tip - hand.place
         if leads and between and float(off @ off) > SLIDES_MM**2:
@@ -246,13 +252,17 @@ class ClosingSteps:
         self._safety, self._jaws = safety, JawsOnTube(safety.tissue)
         self._further: dict[str, int] = {}  # mm by which a tube's places are further
         self._place = "", 0  # the tube, and the number of the clip or of its division, last asked
-        self.strained = 0
-        """How often jaws have strained a wall on their way there."""
+        self.hindered = 0
+        """How often jaws have strained a wall on their way there, or could not come there."""
 
     @property
     def in_vain(self) -> int:
         """How often jaws have come there that could not close."""
-        return self.strained + self._jaws.others
+        return self.hindered + self._jaws.in_vain
+
+    def begin_anew(self) -> None:
+        """Forget how often jaws have come in vain: the tubes lie otherwise now."""
+        self.hindered = self._jaws.in_vain = 0
 
     def next_step(self, stay: int, go: int) -> NextStep | None:
         """Return what to do next, with so many clips to stay and to go; None once all is done."""
@@ -278,7 +288,7 @@ class ClosingSteps:
             self._further[tube] = self._freest(tube, stay, go)
         far, use = place_to_close(clips, stay, go, span, self._further[tube])
         if self._place != (tube, len(clips)):
-            self._place, self.strained = (tube, len(clips)), 0
+            self._place, self.hindered = (tube, len(clips)), 0
         ends = [0.0, *clips, span]
         place = bisect.bisect(ends, far)
         if shift := SHIFTS_MM[self.in_vain // MOST_IN_VAIN % len(SHIFTS_MM)]:

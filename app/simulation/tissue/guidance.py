@@ -13,19 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import tube_title
-from app.simulation.exercises.critical_view import BY_DISSECTOR, SOME, CriticalView, Part
+from app.simulation.exercises.critical_view import SOME, CriticalView, Part
 from app.simulation.exercises.exercise import Exercise
 from app.simulation.exercises.goals import CriticalView as Goal
 from app.simulation.exercises.goals import StopBleeding
 from app.simulation.exercises.next_step import (
+    BACK,
     DRAW_ASIDE,
     DRAW_DOWN,
     DRAW_OFF,
     ELSEWHERE,
+    FIRM,
+    GENTLE,
     LET_BACK,
     LET_GO,
-    LIFT,
-    LIFTED,
     NO_STRANDS,
     PULLS,
     SLACKEN,
@@ -34,17 +35,17 @@ from app.simulation.exercises.next_step import (
     TO_RING,
     WITHDRAW,
     NextStep,
+    Strain,
     Three,
 )
 from app.simulation.inputs.inputs import HOLDING
+from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.clip_steps import ClipSteps, ClosingSteps
 from app.simulation.tissue.instruments import COMES_OPEN
 from app.simulation.tissue.jaw_steps import (
     IN_RING_MM,
     MOST_STUCK,
     RIGHT,
-    STOPS_AT,
-    TAUT,
     JawSteps,
     three,
 )
@@ -53,11 +54,9 @@ from app.simulation.tissue.safety import Safety
 
 Floats = NDArray[np.float64]
 
-BEGUN = 0.1
-"""Of the triangle's strands that have parted, from which on one has begun."""
-NECK_MM, SLACK_MM, BODY_MM = 8.0, 4.0, (20.0, 16.0, 24.0)
-"""mm from the gallbladder's neck, where it is held to be drawn aside or lifted, where to be drawn
-towards the common duct, and where to be drawn off the liver, one after the other."""
+SLACK_MM, NECK_MM, BODY_MM = 4.0, 8.0, (20.0, 16.0, 24.0)
+"""mm from the gallbladder's neck, where it is held to be drawn towards the common duct, where for
+jaws to close on a tube, and where to be drawn off the liver, one after the other."""
 STAGES, STAGE_MM = 3, 3.0
 """In which it is drawn, and mm of each."""
 MOST_TRIES = 3
@@ -67,23 +66,24 @@ MOST_FAILED = 2
 BACK_MM = 6.0
 """mm off where it was taken hold of, to which the gallbladder is let back once `SOME` of its plate
 has parted: as the rest gives way, artery and duct take the pull over."""
-EASED = 0.45
-"""Of a wall's break, to which what pulls is slackened once it is over `TAUT`."""
+FIRMER_AFTER = 2
+"""How often little parts, one time after the other, until walls may be strained more."""
 EASES_MM = 3.0
 """By which what is held is let back at a time."""
 IS_BACK_MM, NEARLY_TORN = 1.0, 0.85
 """mm off where it was taken hold of, within which what is held has been let back; and of a wall's
 break, from which on it is let go instead: let back, it may bend, and that strains a wall more."""
-GRIPPED, GRIPPED_OFF, GIVES_WAY = 0.85, 0.35, 15
-"""Of the pull at which tissue slips out of a grasper, less off the liver for more than
-`BY_DISSECTOR` points, and strands that part, from which on it is drawn no further: more may part at
-once, and a vessel take the pull over."""
+GIVES_WAY = 15
+"""Strands that part, from which on it is drawn no further: more may part at once, and a vessel take
+the pull over."""
 PUSHES_N = 0.1
 """Force from which on a hand can be what strains a wall."""
 MOVED_MM = 0.05
 """Between two judgements, from which on a hand has moved."""
 LONGEST = 20
 """Judgements for which one hand is asked to slacken a wall until the other is: some 10 s."""
+OUT_FIRST_MM = 12.0
+"""By which the right hand is drawn out before the gallbladder draws tubes apart."""
 MOST_IN_VAIN = 4
 """How often jaws may come to close on a tube and cannot, until what is held is let go."""
 LEFT = 0
@@ -95,13 +95,14 @@ class _Pull(NamedTuple):
 
     words: str
     direction: Three  # in the anatomy's frame: along the common duct, to the right, to the front
-    lets_go: bool = False  # once it is drawn
+    gripped: float  # of the pull at which tissue slips out of a grasper, at which it ends
 
 
-ASIDE = _Pull(DRAW_ASIDE, (0.1, 0.74, 0.67))
-OFF_THE_LIVER = _Pull(DRAW_OFF, (-0.89, 0.32, -0.33))
-TO_COMMON = _Pull(DRAW_DOWN, (-0.71, -0.64, 0.3))
-UP = _Pull(LIFT, (0.0, -0.2, 0.98), lets_go=True)
+OFF_THE_LIVER = _Pull(DRAW_OFF, (-0.89, 0.32, -0.33), 0.35)
+TO_COMMON = _Pull(DRAW_DOWN, (-0.71, -0.64, 0.3), 0.85)
+ASIDE = _Pull(DRAW_ASIDE, (0.1, 0.74, 0.67), 0.85)
+FOR_CLOSING = (ASIDE, OFF_THE_LIVER, TO_COMMON)
+"""One after the other, where jaws that are to close on a tube cannot: it draws tubes apart."""
 
 
 @dataclass(slots=True)
@@ -125,7 +126,6 @@ class Guidance:
         """What is judged."""
 
         self._clips, self._closing = ClipSteps(self.tissue), ClosingSteps(safety)
-        self._points = 0  # that are asked for
         self._part: Part | None = None
         self._pulling: _Pulling | None = None
         self._jaws: JawSteps | None = None
@@ -134,6 +134,11 @@ class Guidance:
         self._draws = 0  # off the liver
         self._tries = 0  # places that were tried since it was drawn or let go
         self._failed = Counter[Part]()  # how often little has parted, one time after the other
+        self._in_vain = 0  # how much more often than not, at least 0, of all parts
+        self._viewed = False  # whether what follows closes
+        self._closes_held = False  # whether jaws have come in vain while the gallbladder is held
+        self._out: Floats | None = None  # (3,) mm, where to the right hand goes before that
+        self._drawn = 0  # how often the gallbladder has been drawn for them
         self._strains: int | None = None  # the hand that strains a wall
         self._presses = False  # whether the right hand presses on a wall as it closes on a tube
         self._taut = 0  # judgements in a row at which a wall was taut meanwhile
@@ -144,15 +149,32 @@ class Guidance:
     def next_step(self, exercise: Exercise, *, viewed: bool) -> NextStep | None:
         """Return what an exercise asks for next, once `viewed` what closes; None if nothing."""
         # What hands do is followed from call to call, some twice a second.
+        self._viewed = viewed
+        step = self._to_do(exercise)
+        return None if step is None else step._replace(strain=self._strain)
+
+    @property
+    def _strain(self) -> Strain:
+        """How far walls may be strained now."""
+        if self._jaws is not None and (self._jaws.begun or not self._viewed):
+            return self._jaws.strain
+        # Strands of the plate give way at once, and an artery takes over what they held.
+        firmer = self._in_vain >= FIRMER_AFTER and self._part != "plate"
+        return FIRM if self._viewed or firmer else GENTLE
+
+    def _to_do(self, exercise: Exercise) -> NextStep | None:
         goal = exercise.goal
         if isinstance(goal, StopBleeding):
             return self._clips.next_step()
         if not isinstance(goal, Goal):
             return None
-        view, self._points = self._safety.critical_view(), goal.points
-        if viewed:
+        view = self._safety.critical_view()
+        if self._viewed:
             return (
-                self._jaws_out() or self._pressed() or self._closing.next_step(goal.stay, goal.go)
+                self._jaws_out()
+                or self._pressed()
+                or self._drawn_apart()
+                or self._closing.next_step(goal.stay, goal.go)
             )
         parts = view.next_parts(goal.points)
         if not parts:
@@ -165,47 +187,77 @@ class Guidance:
             # Jaws that are open are closed first.
             if self._jaws is not None and not self._jaws.begun:
                 self._jaws = None
+        self._find_place(part)
         strained = self._strained()
         if strained is not None:
             return strained
-        while True:
-            if self._jaws is None:
-                site = self._places.best(view, part, goal.points)
-                if site is None:
-                    return None
-                self._jaws = JawSteps(self.tissue, self._places, site)
-            bent = self._jaws.site.beside is not None
-            if bent and not self._jaws.begun and self._holder is not None:
+        while (jaws := self._find_place(part)) is not None:
+            bent = jaws.site.beside is not None
+            if bent and not jaws.begun and self._holder is not None:
                 self._pulling = None
-                return self._let_go(PULLS.format(self._jaws.site.tool))
-            if self._pulling is None and not bent and not self._jaws.begun:
-                self._pulling = self._pull_for(view, self._jaws.site)
-            if (let_go := self._let_go_taut()) is not None:
+                return self._let_go(PULLS.format(jaws.site.tool))
+            if self._pulling is None and not bent and not jaws.begun:
+                self._pulling = self._pull_for(jaws.site)
+            if (let_go := self._let_go_where(jaws.stays_strained)) is not None:
                 return let_go
             if self._pulling is None or bent:
-                return self._let_back(view) or self._jaws.next_step()
+                return self._let_back(view) or jaws.next_step()
             step = self._pull_step(self._pulling)
             if step is not None:
                 return step
+        return None
+
+    def _find_place(self, part: Part) -> JawSteps | None:
+        """Return how far jaws have come at a place, which is found if there is none; or None."""
+        if self._jaws is None and (site := self._places.best(part)) is not None:
+            self._jaws = JawSteps(self.tissue, self._places, site, self._strain)
+        return self._jaws
+
+    def note_blocked(self) -> None:
+        """Note that the right hand's tip could not come to where it is asked to be led."""
+        if self._jaws is not None and (self._jaws.begun or not self._viewed):
+            self._jaws.note_blocked()
+        elif self._viewed:
+            self._closing.hindered += 1
 
     def _jaws_out(self) -> NextStep | None:
         """Return how jaws are closed and drawn out that have opened; None if there are none."""
         self._follow()
         if self._jaws is None or not self._jaws.begun:
             return None
-        return self._strained() or self._let_go_taut() or self._jaws.next_step()
+        let_go = self._let_go_where(self._jaws.stays_strained)
+        return self._strained() or let_go or self._jaws.next_step()
 
     def _pressed(self) -> NextStep | None:
         """Return how a wall is slackened as jaws come to close on a tube; None if none is taut."""
         tissue, before = self.tissue, self._presses
         pushes = math.hypot(*tissue.forces[RIGHT]) >= PUSHES_N
-        self._presses = tissue.stress_ratio >= TAUT and pushes
-        self._closing.strained += self._presses and not before
-        self._taut = self._taut + 1 if tissue.stress_ratio >= (TAUT if pushes else STOPS_AT) else 0
-        stuck = self._taut > (MOST_STUCK if pushes else 0) or self._closing.in_vain > MOST_IN_VAIN
-        if stuck and self._holder is not None:
-            return self._let_go(STAYS_TAUT.format(tube_title(tissue.most_stressed)))
-        return self._withdrawn(RIGHT) if self._presses else None
+        self._presses = tissue.stress_ratio >= FIRM.taut and pushes
+        self._closing.hindered += self._presses and not before
+        self._taut = (
+            self._taut + 1 if tissue.stress_ratio >= (FIRM.taut if pushes else FIRM.stops_at) else 0
+        )
+        in_vain = self._closing.in_vain > MOST_IN_VAIN
+        stuck = self._taut > (MOST_STUCK if pushes else 0) or in_vain
+        self._closes_held |= in_vain and self._holder is not None
+        withdrawn = self._withdrawn(RIGHT) if self._presses else None
+        return self._let_go_where(stuck) or withdrawn
+
+    def _drawn_apart(self) -> NextStep | None:
+        """Return how the gallbladder is drawn where nothing can close as tubes lie now; or None."""
+        hand = self.tissue.hands[RIGHT]
+        if self._closing.in_vain > MOST_IN_VAIN and self._holder is None:
+            if self._drawn or not self._closes_held:
+                self._pulling = _Pulling(FOR_CLOSING[self._drawn % len(FOR_CLOSING)], NECK_MM)
+                self._drawn += 1
+                self._out = hand.place + OUT_FIRST_MM * TROCARS[RIGHT].shaft(hand.place)
+            self._closes_held = False
+            self._closing.begin_anew()
+        if self._out is not None and math.dist(hand.place, self._out) > IN_RING_MM:
+            tool = hand.instrument
+            return NextStep(BACK.format(tool), place=three(self._out), hand=RIGHT, tool=tool)
+        self._out = None
+        return None if self._pulling is None else self._pull_step(self._pulling)
 
     def _withdrawn(self, hand: int) -> NextStep:
         """Return that what a hand holds is drawn back a little from the wall that it strains."""
@@ -222,12 +274,13 @@ class Guidance:
             return
         jaws.follow()
         # What strains a wall is drawn back by the same steps, however far off its place it is.
-        if jaws.is_over and self.tissue.stress_ratio < TAUT:
+        if jaws.is_over and self.tissue.stress_ratio < jaws.strain.taut:
             self._jaws = None
             if jaws.tried and self._part is not None:
                 self._places.note_tried(jaws.site, fruitless=jaws.fruitless)
                 self._tries += 1
                 self._failed[self._part] = self._failed[self._part] + 1 if jaws.fruitless else 0
+                self._in_vain = max(0, self._in_vain + (1 if jaws.fruitless else -1))
 
     # The gallbladder
 
@@ -251,43 +304,28 @@ class Guidance:
         words = LET_GO.format(tube_title(self._safety.gallbladder), why)
         return NextStep(words, self._strands, hand=LEFT)
 
-    def _let_go_taut(self) -> NextStep | None:
-        """Return that it is let go where jaws that are drawn back strain a wall; else None."""
-        if self._jaws is None or not self._jaws.stays_strained or self._holder is None:
+    def _let_go_where(self, stays_strained: bool) -> NextStep | None:
+        """Return that it is let go, if it is held, where a wall stays strained; else None."""
+        if not stays_strained or self._holder is None:
             return None
         return self._let_go(STAYS_TAUT.format(tube_title(self.tissue.most_stressed)))
 
-    def _pull_for(self, view: CriticalView, site: Site) -> _Pulling | None:
+    def _pull_for(self, site: Site) -> _Pulling | None:
         """Return how the gallbladder is to be drawn before jaws part at a place, if it is."""
-        held = self._held
-        if site.where != "plate" and view.triangle < BEGUN and self._held_for is None:
-            return _Pulling(ASIDE, NECK_MM)
-        tried = self._tries >= MOST_TRIES
-        if site.where == "plate":
-            if self._held_for is OFF_THE_LIVER and not tried:
-                return None
-            self._draws += 1
-            return _Pulling(OFF_THE_LIVER, BODY_MM[(self._draws - 1) % len(BODY_MM)])
-        if self._part == "tubes" and site.beside is None:
-            # What runs into the neck is slack then, and jaws open wide between.
-            if self._held_for is not TO_COMMON or tried:
-                return _Pulling(TO_COMMON, SLACK_MM)
+        # What runs into the neck is slack then, and jaws open wide between.
+        pull = OFF_THE_LIVER if site.where == "plate" else TO_COMMON
+        if self._held_for is pull and self._tries < MOST_TRIES:
             return None
-        if tried or (site.where == "under" and held is not None):
-            return _Pulling(UP, NECK_MM, held)
-        return None
+        if pull is TO_COMMON:
+            return _Pulling(pull, SLACK_MM)
+        self._draws += 1
+        return _Pulling(pull, BODY_MM[(self._draws - 1) % len(BODY_MM)])
 
     def _pull_step(self, pulling: _Pulling) -> NextStep | None:
         """Return what a pull asks for; None once it is over."""
         pull, held, name = pulling.pull, self._held, tube_title(self._safety.gallbladder)
         strands = self._strands
-        if pulling.drawn and pull.lets_go:
-            if held is not None:
-                return NextStep(LIFTED.format(name), strands, hand=LEFT)
-            return self._end_pull()
         if held is None:
-            if pull.lets_go and pulling.start is not None:
-                return self._end_pull()
             pulling.start = None
             place = self._wall_at(pulling.station)
             return NextStep(TAKE_HOLD.format(name), strands, place=place, hand=LEFT)
@@ -297,12 +335,10 @@ class Guidance:
             pulling.start = self._held_from = held
             pulling.broken = self.tissue.beam.broken
         # What can be pulled no harder has been drawn.
-        gently = pull is OFF_THE_LIVER and self._points > BY_DISSECTOR
-        most = GRIPPED_OFF if gently else GRIPPED
-        pulling.drawn |= self.tissue.grip_ratio(self._holder or 0) > most
+        pulling.drawn |= self.tissue.grip_ratio(self._holder or 0) > pull.gripped
         pulling.drawn |= self.tissue.beam.broken - pulling.broken > GIVES_WAY
         # Drawn further, what holds is let back again before jaws come.
-        pulling.drawn |= not pull.lets_go and self.tissue.stress_ratio > EASED
+        pulling.drawn |= self.tissue.stress_ratio > self._strain.eased
         while pulling.stage < STAGES:
             # By stages, so that whoever goes aside first and then deeper keeps near the line.
             far = STAGE_MM * (pulling.stage + 1)
@@ -311,8 +347,7 @@ class Guidance:
                 words = pull.words.format(name, pulling.stage + 1, STAGES)
                 return NextStep(words, strands, place=three(place), hand=LEFT, leads=True)
             pulling.stage += 1
-        pulling.drawn = True
-        return self._pull_step(pulling) if pull.lets_go else self._end_pull()
+        return self._end_pull()
 
     def _let_back(self, view: CriticalView) -> NextStep | None:
         """Return how far the gallbladder is let back before its plate gives way, if it is."""
@@ -341,12 +376,12 @@ class Guidance:
         if moved.max() > MOVED_MM**2:
             self._mover = int(moved.argmax())
         pushes = (np.array(self.tissue.forces) ** 2).sum(axis=1) > PUSHES_N**2
-        ratio, hands = self.tissue.stress_ratio, self.tissue.hands
+        ratio, hands, strain = self.tissue.stress_ratio, self.tissue.hands, self._strain
         opened = any(each.opening for each in hands if each.instrument not in COMES_OPEN)
         # From where it is too taut to where it no longer is, it goes on being slackened, unless it
         # is strained with no hand pulling. Jaws come to what is slack: a press adds to a pull.
         pulled = self._pulling is None and pushes[LEFT] and not pushes[RIGHT]
-        slack = TAUT if self._strains is None and not pulled else EASED
+        slack = strain.taut if self._strains is None and not pulled else strain.eased
         if opened or ratio < slack or not pushes.any():
             self._strains = None
             return None
@@ -368,9 +403,6 @@ class Guidance:
             return self._withdrawn(self._strains)
         if hand.node is None:
             return None
-        pulling = self._pulling
-        if pulling is not None and pulling.drawn and pulling.pull.lets_go:
-            return None  # which slackens it too
         held = tube_title(self.tissue.tubes.names[hand.tube])
         # What is taut again and again is not held while the other hand withdraws.
         often = self._jaws is not None and self._jaws.strained_often
@@ -378,7 +410,7 @@ class Guidance:
         is_back = back is not None and math.dist(back, hand.tip) < IS_BACK_MM
         if often or is_back or ratio > NEARLY_TORN:
             return NextStep(LET_GO.format(held, STAYS_TAUT.format(wall)), self._strands, hand=LEFT)
-        words = SLACKEN.format(held, "" if back is None else TO_RING, 100.0 * EASED, wall)
+        words = SLACKEN.format(held, "" if back is None else TO_RING, 100.0 * strain.eased, wall)
         place = None
         if back is not None:  # a little at a time: what is let back all the way leaves no room
             path = back - hand.tip

@@ -11,31 +11,34 @@ from app.simulation.exercises.next_step import (
     BACK,
     BACK_ALONG,
     BETWEEN_BLADES,
-    BLADES_OUT,
-    BLADES_STRAIN,
+    BLOCKED,
     CLOSE,
     CLOSE_FEW,
     CLOSES,
     CUT,
+    FIRM,
     LEAVE,
     NOTHING_BETWEEN,
     OPEN,
     OPENS,
+    OUT_AS,
     PART,
     PASS,
     PINCHED,
     PRESSES,
+    STRAINS,
     SWEEP,
     TUBE_BETWEEN,
     TURN,
-    UNDER,
     WITHDRAW,
     WITHDRAW_ALONG,
     NextStep,
+    Strain,
     Three,
 )
 from app.simulation.inputs.clock import TICK_SECONDS
 from app.simulation.inputs.hand import GRIP_N, Hand
+from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.parting import PartingPlaces, Site
 from app.simulation.tissue.passes import JAW_MM
@@ -50,8 +53,6 @@ FEW = 5
 """How few strands are few."""
 MOST_STRAINED = 1
 """How often a wall may be too taut at a place."""
-TAUT, STOPS_AT = 0.6, 0.7
-"""Of a wall's break, from which on jaws are led no further, and what strains it stops."""
 GRIPS_AT = 0.9
 """Of the pull at which tissue slips out of a grasper, from which on that pulls no harder, and jaws
 part no further: they would push what it holds out of it, or all that still holds off at once."""
@@ -75,13 +76,17 @@ NEEDS_MM, COSTS = 1.0, 0.1
 counts for against that."""
 MOST_STUCK = 10
 """Judgements for which jaws that close are drawn back from a wall until what is held is let go."""
+MOST_GENTLE = 4
+"""How often a wall may be too taut until it may be strained more: jaws could not be drawn out."""
+MOST_BLOCKED = 1
+"""How often a tip may be led somewhere and not come there."""
 MOVES_MM = 0.2
 """By which jaws part between two judgements while they open."""
 MOST_LED_OFF = 3
 """How often open jaws are led off what runs through between them before they are to close."""
 
 State = Literal[
-    "to come", "beside", "sweeping", "opening", "open", "to close", "closing", "pinched",
+    "to come", "beside", "sweeping", "opening", "to close", "closing", "pinched",
     "to leave", "closed", "to withdraw",
 ]  # fmt: skip
 
@@ -89,8 +94,10 @@ State = Literal[
 class JawSteps:
     """How far the right hand's jaws have come at a place, and what is next there."""
 
-    def __init__(self, tissue: SpatialTissue, places: PartingPlaces, site: Site) -> None:
-        self._tissue, self._places, self.site = tissue, places, site
+    def __init__(
+        self, tissue: SpatialTissue, places: PartingPlaces, site: Site, strain: Strain
+    ) -> None:
+        self._tissue, self._places, self.site, self._strain = tissue, places, site, strain
         self._state: State = "to come"
         self._opening = 0.0  # mm, at the last judgement
         self._broken = tissue.beam.broken
@@ -101,11 +108,16 @@ class JawSteps:
         self._led_from = np.zeros(3)  # (3,) mm, where the tip was led as a direction was chosen
         self._stuck = 0  # judgements in a row at which jaws strained a wall on their way back
         self._clear: Floats | None = None  # (3,) mm, where a bent tip is clear of what it lifted
-        self._pressed = False  # whether the tip has pressed too hard here for jaws to part
+        self._blocked = 0  # how often the tip could not come to where it is led next
         self._begun_at = tissue.ticks
-        self._why = ""  # blades are drawn out that have cut nothing
+        self._why = ""  # what has parted nothing is drawn out
         self.strained = 0
         """How often a wall was too taut meanwhile."""
+
+    @property
+    def strain(self) -> Strain:
+        """How far walls may be strained: more, where jaws strain them again and again."""
+        return self._strain if self.strained < MOST_GENTLE else FIRM
 
     @property
     def begun(self) -> bool:
@@ -159,7 +171,30 @@ class JawSteps:
 
     @property
     def _gives_up(self) -> bool:
-        return self.strained_often or self._pressed or bool(self._why)
+        return self.strained_often or bool(self._why)
+
+    def note_blocked(self) -> None:
+        """Note that the tip could not come to where it is led, by what is in its way."""
+        self._blocked += 1
+        if self._blocked <= MOST_BLOCKED:
+            return
+        self._blocked = 0
+        if self._state == "to come":
+            self._why = BLOCKED
+        elif self._state == "beside":
+            self._state = "closed"  # it goes back as it came
+        elif self._state in {"closed", "sweeping"}:
+            self._state = "to withdraw"
+        elif self._state == "to leave":
+            self._lead_otherwise()
+
+    def _lead_otherwise(self) -> None:
+        """Lead open jaws off a wall in another direction, or close them after all of those."""
+        if len(self._led_off) < DIRECTIONS:
+            self._leave()
+        else:
+            self._state = "to close"
+            self._led_off.clear()
 
     def follow(self) -> None:
         """Note how far the jaws have come."""
@@ -169,7 +204,7 @@ class JawSteps:
         if self.site.tool == "scissors":
             self._follow_blades(hand)
             return
-        if self._tissue.stress_ratio < TAUT:
+        if self._tissue.stress_ratio < self.strain.taut:
             self._stuck = 0
         before = self._state
         opens = hand.opening > self._opening + MOVES_MM
@@ -182,15 +217,15 @@ class JawSteps:
             elif (presses and passed) or (self._state == "beside" and self.strained_often):
                 self._state = "closed"  # it goes back as it came
             elif presses and self._is_at(self._beside):
-                self._pressed = True
+                self._why = PRESSES
             elif site.beside is not None and self._is_at(self._beside):
                 self._state = "beside"
-            elif site.sweeps and math.dist(hand.place, place) < IN_RING_MM:
+            elif site.through is not None and math.dist(hand.place, place) < IN_RING_MM:
                 self._state = "sweeping"
         elif self._state == "sweeping":
             assert site.through is not None  # noqa: S101
             led = math.dist(hand.place, place + site.through) < IN_RING_MM
-            if led or self._tissue.stress_ratio > TAUT:
+            if led or self._taut:
                 self._state = "to withdraw"
         elif not hand.opening:
             back = site.beside is None or math.dist(hand.place, self._back) < IN_RING_MM
@@ -200,34 +235,27 @@ class JawSteps:
         elif self._state == "pinched" and opens:
             self._state = "to leave"
             self._leave()
-        elif self._state == "to leave" and closes and self._tissue.stress_ratio > TAUT:
+        elif self._state == "to leave" and closes and self._taut:
             self._state, self._wall = "pinched", self._tissue.most_stressed
         elif self._state == "to leave":
-            if self._tissue.stress_ratio > TAUT:
+            if self._taut:
                 # A ring that moved at once, or while nobody goes there, could not be followed.
                 self._in_vain += 1
                 led = (hand.target != self._led_from).any()
                 if led and self._in_vain % LEAVES_FOR == 0:
-                    if len(self._led_off) < DIRECTIONS:
-                        self._leave()
-                    else:  # wherever they are led they strain it
-                        self._state = "to close"
-                        self._led_off.clear()
+                    self._lead_otherwise()
             elif not opens and math.dist(hand.place, self._left) < IN_RING_MM:
                 self._state = "to close"
         elif closes:
             self._state = "closing"
-        elif self._state == "closing" and self._tissue.stress_ratio > TAUT:
+        elif self._state == "closing" and self._taut:
             if site.beside is not None:
                 self._state, self._wall = "pinched", self._tissue.most_stressed
         elif self._state == "closing":  # they have stopped, or part once more
             self._state = "opening" if opens else "to close"
-        elif self._state in {"opening", "open"}:
-            through = site.through
-            led = through is None or math.dist(hand.place, place + through) < IN_RING_MM
-            led |= self._tissue.stress_ratio > TAUT
-            opens &= self._tissue.stress_ratio < STOPS_AT
-            self._state = "opening" if opens else "to close" if led else "open"
+        elif self._state == "opening":
+            opens &= self._tissue.stress_ratio < self.strain.stops_at
+            self._state = "opening" if opens else "to close"
         begins = self._state == "to close" and before != "to close"
         looks = begins and site.beside is not None and self._leaves < MOST_LED_OFF
         if looks and (between := self._between()) is not None:
@@ -245,8 +273,8 @@ class JawSteps:
         elif self._state == "to come":
             if self._is_at(self._beside):
                 self._state = "beside"
-        elif tissue.stress_ratio > TAUT:
-            self._why = BLADES_STRAIN.format(tube_title(tissue.most_stressed))
+        elif self._taut:
+            self._why = STRAINS.format(tube_title(tissue.most_stressed))
         elif math.dist(hand.place, self._place) < IN_RING_MM:
             blades = tissue.blades(RIGHT)
             if tubes := blades.tubes(tissue.beam):
@@ -260,9 +288,6 @@ class JawSteps:
         names, ends = self._tissue.tubes.names, self._tissue.tubes.strands
         numbers: list[int] = [int(ends.tubes[site.anchor]), int(ends.to[site.anchor])]
         titles = [tube_title(names[each]) for each in numbers if each >= 0]
-        if self._state == "open" and site.through is not None:
-            under = self._place + site.through
-            return self._step(UNDER.format(tool, titles[0]), under, through=True)
         if self._state == "sweeping" and site.through is not None:
             return self._into_ring(SWEEP.format(tool, *titles), self._place + site.through)
         if self._state == "closed":
@@ -270,7 +295,7 @@ class JawSteps:
         if self.begun:
             if self._state == "to withdraw":
                 return self._drawn_out()
-            if self._state == "closing" and self._tissue.stress_ratio > TAUT:
+            if self._state == "closing" and self._taut:
                 # Jaws that close on a wall close once they are drawn off it.
                 return self.withdrawn()
             if self._state == "pinched":
@@ -282,16 +307,14 @@ class JawSteps:
             moves = {"opening": OPENS, "closing": CLOSES}
             words = moves.get(self._state, CLOSE_FEW if self.fruitless else CLOSE)
             return self._step(words.format(tool))
-        if self._pressed:
-            return self._step(PRESSES.format(tool))
         if self._why:
-            return self._step(BLADES_OUT.format(tool, self._why))
+            return self._step(OUT_AS.format(tool, self._why))
         if self.strained_often:
             return self._drawn_out()
         beside = self._state == "beside"
         place = self._place if beside else self._beside
         there = hand is not None and math.dist(hand.place, place) < IN_RING_MM
-        if there and not site.sweeps:
+        if there and site.through is None:
             there_words = CUT if tool == "scissors" else OPEN
             words = (there_words if self._is_at(place) else TURN).format(tool)
         elif beside:
@@ -300,7 +323,7 @@ class JawSteps:
         else:
             words = PART[site.where].format(*titles, tool)
         step = self._step(words, place, through=beside, leads=not there)
-        return step if site.sweeps else step._replace(along=three(site.along))
+        return step if site.through is not None else step._replace(along=three(site.along))
 
     def _drawn_out(self) -> NextStep:
         """Return that the jaws are drawn out of the tissue."""
@@ -312,10 +335,11 @@ class JawSteps:
     def withdrawn(self) -> NextStep:
         """Return that the jaws strain a wall, and where they go then."""
         wall = self._tissue.most_stressed
-        tool, title, comes = self.site.tool, tube_title(wall), self._state == "to come"
+        tool: Instrument = self._tissue.hands[RIGHT].instrument
+        title, comes = tube_title(wall), self._state == "to come"
         if tool != "right angle":
             self._stuck += self.begun
-            return self._step(WITHDRAW.format(tool, title))
+            return self._step(WITHDRAW.format(tool, title))._replace(tool=tool)
         # A bent tip that has passed behind something goes back along itself, past what lies in
         # front of it still.
         if self._state == "to withdraw":
@@ -324,9 +348,9 @@ class JawSteps:
             self._leave()
         self._stuck += 1
         if self._stuck >= LEAVES_FOR:
-            return self._into_ring(LEAVE.format(tool, title), self._left)
+            return self._into_ring(LEAVE.format(tool, title), self._left)._replace(tool=tool)
         if comes:
-            return self._step(WITHDRAW.format(tool, title))
+            return self._step(WITHDRAW.format(tool, title))._replace(tool=tool)
         return self._into_ring(WITHDRAW_ALONG.format(tool, title), self._back)
 
     def _leave(self) -> None:
@@ -398,6 +422,11 @@ class JawSteps:
         )
 
     @property
+    def _taut(self) -> bool:
+        """Whether a wall is too taut for jaws to be led on."""
+        return self._tissue.stress_ratio > self.strain.taut
+
+    @property
     def _place(self) -> Floats:
         """(3,) mm where the jaws open."""
         return self._places.place_of(self.site)
@@ -421,7 +450,8 @@ class JawSteps:
     def _is_at(self, place: Floats) -> bool:
         """Return whether the right hand's tip is in a ring, turned along its bar."""
         hand = self._tissue.hands[RIGHT]
-        turn = turn_off(RIGHT, hand, self.site.along)
+        # What has gone in among tubes was turned before, and may not turn there.
+        turn = None if self._state == "beside" else turn_off(RIGHT, hand, self.site.along)
         there = math.dist(hand.place, place) < IN_RING_MM
         return there and (turn is None or abs(turn) < TURNED)
 

@@ -1,15 +1,11 @@
 """Where jaws part best what a part of the critical view lacks (docs/scope.md).
 
-For `BY_DISSECTOR` points, until `SOME` of the triangle has parted, and for the plate, a dissector
-does it. Strands of one group are asked for: those between two tubes, or from a tube to the bed.
-Jaws part them where they have room: beside a wall they press on the wall. So each of them is
-weighed by how many others are near and how far the next wall is, seen from the front. The tip goes
-a little behind them, so that shafts push them, and not tips.
-
-A right angle parts the rest (passes.py). A place counts less, each time that jaws have opened. What
-is left at last runs from the cystic duct to what enters the neck beside it. A dissector parts that
-from the front: one jaw goes to the neck and the duct, the other away from both. Or it is swept
-through, closed.
+A right angle parts what holds the triangle and its tubes (passes.py), a dissector what holds the
+gallbladder's plate: where most of its strands are near and the next wall, seen from the front, is
+far, since jaws beside a wall press on it. The tip goes a little behind them, so that shafts push
+them, and not tips. A place counts less, each time that jaws have opened. What is left at last runs
+from the cystic duct to what enters the neck beside it. A dissector parts that from the front: one
+jaw goes to the neck and the duct, the other away from both. Or it is swept through, closed.
 
 What holds two tubes together and does not part by jaws, which would strain the tubes before, is
 cut by scissors whose blades lie between the two.
@@ -23,10 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.exercises.critical_view import (
-    BY_DISSECTOR,
-    OPENED,
-    SOME,
-    CriticalView,
     Part,
 )
 from app.simulation.exercises.next_step import Where
@@ -44,12 +36,6 @@ Ints = NDArray[np.int64]
 NEAR_MM, LEAST_ROOM_MM, ROOM_MM, PAST_MM = 4.0, 0.5, 3.0, 2.0
 """mm within which strands are parted at once; from a wall, from which on jaws have room and beyond
 which they need no more; and of a tip behind the strands."""
-BESIDE_MM, UNDER_MM, ACROSS_MM = 5.0, 3.0, 6.0
-"""mm beside and behind a tube's axis, where jaws open that are led under it; and how far they are
-led."""
-EDGE_MM = 3.0
-"""mm to the side of what holds two tubes together, where jaws part it from its edge, fewer at a
-time: in its middle all hold at once, and a wall nears its break before they part."""
 AGAIN, FORGOTTEN = 0.3, 60
 """Weight of a place where jaws have been; and strands that part until it has its whole weight
 again."""
@@ -101,17 +87,11 @@ class Site(NamedTuple):
     strands: Ints  # all of the group
     near: Ints  # those that are parted there at once
     anchor: int  # the strand with which the place goes
-    weight: float
     offset: Floats  # (3,) mm, from the anchor's middle
     along: Floats  # (3,) along which jaws part, or a bent tip's direction, from its end back
-    through: Floats | None  # (3,) mm, how open jaws are led on from there, if they are
+    through: Floats | None = None  # (3,) mm, how closed jaws are led on from there, if they are
     tool: Instrument = "dissector"
     beside: Floats | None = None  # (3,) mm, from there to where a bent tip or blades come from
-    sweeps: bool = False  # whether jaws are led on closed
-
-
-def _weight(site: Site) -> float:
-    return site.weight
 
 
 class PartingPlaces:
@@ -124,29 +104,24 @@ class PartingPlaces:
         self._passes = Passes(safety)
         self._fruitless = Counter[int]()  # how often few strands of a group have parted
 
-    def best(self, view: CriticalView, part: Part, points: int) -> Site | None:
-        """Return where jaws part what a part of so many points lacks; None if nothing holds it."""
+    def best(self, part: Part) -> Site | None:
+        """Return where jaws part what a part of the view lacks; None if nothing holds it."""
         lacking = np.flatnonzero(self._safety.lacking(part) & self._whole)
-        if part != "plate" and (points > BY_DISSECTOR or view.triangle >= SOME):
-            if not lacking.size:
-                return None
-            if (site := self._cut(lacking)) is not None:
-                return site
-            beside = lacking[self._beside_duct(lacking)]
-            if part == "tubes" and beside.size > NECK_ONLY * lacking.size:
-                group = max(self._groups(beside), key=len)
-                tried = self._fruitless[self._tubes_of(group)] % (len(AT_NECK) + PASSES_AFTER)
-                for how in AT_NECK[tried:]:
-                    site = self._at_neck(group, how)
-                    if self._deep_in_gallbladder(self.place_of(site)) < MOST_PUSHED_MM:
-                        return site
-            return self._passed(lacking)
-        if part == "triangle":
-            lacking = self._in_reach(view, lacking)
-        broken = self._tissue.beam.broken
-        self._tried = [each for each in self._tried if broken - each[1] < FORGOTTEN]
-        sites = (self._site(view, group) for group in self._groups(lacking))
-        return max(sites, key=_weight, default=None)
+        if not lacking.size:
+            return None
+        if part == "plate":
+            return self._on_plate(lacking)
+        if (site := self._cut(lacking)) is not None:
+            return site
+        beside = lacking[self._beside_duct(lacking)]
+        if part == "tubes" and beside.size > NECK_ONLY * lacking.size:
+            group = max(self._groups(beside), key=len)
+            tried = self._fruitless[self._tubes_of(group)] % (len(AT_NECK) + PASSES_AFTER)
+            for how in AT_NECK[tried:]:
+                site = self._at_neck(group, how)
+                if self._deep_in_gallbladder(self.place_of(site)) < MOST_PUSHED_MM:
+                    return site
+        return self._passed(lacking)
 
     def place_of(self, site: Site) -> Floats:
         """(3,) mm where jaws open, as the tissue lies now."""
@@ -173,18 +148,6 @@ class PartingPlaces:
     def _whole(self) -> NDArray[np.bool_]:
         return self._tissue.beam.damage < 1.0
 
-    def _in_reach(self, view: CriticalView, which: Ints) -> Ints:
-        """Return those of the triangle's strands that are parted before others, if any are."""
-        # A dissector parts what is between tubes first, then what is under the cystic duct; what
-        # holds the artery last, which comes along and nears its break.
-        tubes, cystic = self._tissue.tubes, self._safety.cystic
-        of, to = tubes.strands.tubes[which], tubes.strands.to[which]
-        arteries = [tubes.names.index(each) for each in self._safety.tubes_of["cystic artery"]]
-        first = (to >= 0) & ~np.isin(of, arteries) & ~np.isin(to, arteries)
-        if view.triangle >= OPENED:
-            first |= of == tubes.names.index(cystic)
-        return which[first] if view.triangle < SOME and first.any() else which
-
     def _groups(self, which: Ints) -> list[Ints]:
         """Return strands by the two tubes that they hold."""
         groups = self._group(which)
@@ -200,29 +163,21 @@ class PartingPlaces:
         """Return the number of both tubes that a group's strands hold."""
         return int(self._group(group[:1])[0])
 
-    def _site(self, view: CriticalView, group: Ints) -> Site:
-        """Return where to part a group of strands, and how."""
-        strands, names = self._tissue.tubes.strands, self._tissue.tubes.names
-        ends = strands.tubes[group[0]], strands.to[group[0]]
-        where = self._where([names[each] for each in ends if each >= 0])
-        middles, through = self._middles(group), None
-        places, tangents = self._beside(group) if where == "under" else (middles, middles)
-        at, weight = self._weighed(places, middles)
-        weight *= AGAIN ** self._fruitless[self._tubes_of(group)]
-        near = ((middles - middles[at]) ** 2).sum(axis=1) < NEAR_MM**2
-        anchor, place = group[at : at + 1], places[at].copy()
-        if where == "under":
-            along, through = tangents[at], self._axis(anchor)[0] - place
-            through *= ACROSS_MM / math.hypot(*through[:2])
-            through[2] = 0.0
-        else:
-            # Strands of one pair all lead from one tube to the other, but some the other way round.
-            along = _main_direction((strands.feet[group] - strands.ends[group])[near])
-            place[2] = middles[near, 2].mean() - PAST_MM
-            if where == "between":
-                place = self._at_edge(place, along)
-        offset = place - middles[at]
-        return Site(where, group, group[near], int(group[at]), weight, offset, along, through)
+    def _on_plate(self, which: Ints) -> Site:
+        """Return where a dissector parts some strands of the gallbladder's plate."""
+        broken = self._tissue.beam.broken
+        self._tried = [each for each in self._tried if broken - each[1] < FORGOTTEN]
+        strands, middles = self._tissue.tubes.strands, self._middles(which)
+        apart = ((middles[:, None] - middles[None]) ** 2).sum(axis=2)
+        room = np.clip(self._room(middles) - LEAST_ROOM_MM, 0.1, ROOM_MM - LEAST_ROOM_MM)
+        weights = (apart < NEAR_MM**2).sum(axis=1) * room
+        for place, _ in self._tried:
+            weights[((middles - place) ** 2).sum(axis=1) < NEAR_MM**2] *= AGAIN
+        at = int(weights.argmax())
+        near = apart[at] < NEAR_MM**2
+        along = _main_direction((strands.feet[which] - strands.ends[which])[near])
+        offset = np.array([0.0, 0.0, middles[near, 2].mean() - PAST_MM - middles[at, 2]])
+        return Site("plate", which, which[near], int(which[at]), offset, along)
 
     def _beside_duct(self, which: Ints) -> NDArray[np.bool_]:
         """(S,) whether strands lead from the cystic duct to another tube, or from that to it."""
@@ -251,10 +206,7 @@ class PartingPlaces:
             offset = places.mean(axis=0) - middles[at] - how.deep * TROCARS[1].shaft(middles[at])
             offset += (reach.min() - SWEEP_BEFORE_MM - float(reach.mean())) * along
             through = (float(np.ptp(reach)) + SWEEP_BEFORE_MM + SWEEP_PAST_MM) * along
-            return Site(
-                "between", group, group, int(group[at]), float(group.size), offset, along, through,
-                sweeps=True,
-            )  # fmt: skip
+            return Site("between", group, group, int(group[at]), offset, along, through)
         at = int(farthest[int(how.nearer * group.size)])
         offset = (OFF_DUCT - 0.5) * across[at] - [0.0, 0.0, PAST_DUCT_MM]
         flat = np.append(across[:, :2].mean(axis=0), 0.0)
@@ -263,7 +215,7 @@ class PartingPlaces:
         angle = math.radians(how.turn_deg)
         along = math.cos(angle) * flat - math.sin(angle) * to_neck
         near = group[((middles - middles[at]) ** 2).sum(axis=1) < NEAR_MM**2]
-        return Site("between", group, near, int(group[at]), float(near.size), offset, along, None)
+        return Site("between", group, near, int(group[at]), offset, along)
 
     def _deep_in_gallbladder(self, place: Floats) -> float:
         """Return how far a dissector at a place would push the gallbladder aside, mm."""
@@ -282,9 +234,8 @@ class PartingPlaces:
         off = tip.place - self._middles(group)
         nearest = int((off**2).sum(axis=1).argmin())
         where: Where = "behind" if self._tissue.tubes.strands.to[group[0]] < 0 else "between"
-        anchor, weight = int(group[nearest]), float(near.size)
         return Site(
-            where, group, near, anchor, weight, off[nearest], tip.along, None, "right angle",
+            where, group, near, int(group[nearest]), off[nearest], tip.along, None, "right angle",
             tip.beside,
         )  # fmt: skip
 
@@ -302,29 +253,10 @@ class PartingPlaces:
             near = group[cut.strands]
             offset = cut.tip - self._middles(near[:1])[0]
             return Site(
-                "between", group, near, int(near[0]), float(near.size), offset, cut.spread, None,
-                "scissors", IN_FRONT_MM * TROCARS[1].shaft(cut.tip),
+                "between", group, near, int(near[0]), offset, cut.spread, None, "scissors",
+                IN_FRONT_MM * TROCARS[1].shaft(cut.tip),
             )  # fmt: skip
         return None
-
-    def _at_edge(self, place: Floats, along: Floats) -> Floats:
-        """(3,) where jaws part from the edge of what holds there, with no less room, mm."""
-        side = self._roomy_side(place, along)
-        places = place + np.arange(0.0, EDGE_MM + 0.1, 0.5)[:, None] * side
-        room = self._room(places)
-        return places[np.flatnonzero(room >= room[0])[-1]]
-
-    def _roomy_side(self, place: Floats, along: Floats) -> Floats:
-        """(3,) to which side of a place, across a direction, there is more room."""
-        side = _across(along)
-        room = self._room(np.array([place + BESIDE_MM * side, place - BESIDE_MM * side]))
-        return side if room[0] > room[1] else -side
-
-    def _where(self, names: list[str]) -> Where:
-        """Return where strands are, of the tubes that they hold or of the one that is held."""
-        if len(names) > 1:
-            return "between"
-        return "plate" if names[0] == self._safety.gallbladder else "under"
 
     def _middles(self, which: Ints) -> Floats:
         """(S, 3) mm where the middles of some strands are now."""
@@ -345,34 +277,6 @@ class PartingPlaces:
                     stations = at[which][own]
                     places[own] += beam.places_at(stations, name) - tube.places_at(stations)[0]
         return ends, feet
-
-    def _axis(self, which: Ints, further: float = 0.0) -> Floats:
-        """(S, 3) mm where the axis of strands' tube is where they hold it, or further along it."""
-        strands = self._tissue.tubes.strands
-        name = self._tissue.tubes.names[strands.tubes[which[0]]]
-        return self._tissue.beam.places_at(strands.stations[which] + further, name)
-
-    def _beside(self, which: Ints) -> tuple[Floats, Floats]:
-        """(S, 3) mm where to open jaws that are led under strands' tube, and (S, 3) along it."""
-        axis, along = self._axis(which), self._axis(which, 0.5) - self._axis(which, -0.5)
-        along /= np.sqrt((along**2).sum(axis=1))[:, None]
-        triangle = np.flatnonzero(self._safety.lacking("triangle"))
-        inwards = self._middles(triangle).mean(axis=0) - axis
-        side = np.stack([along[:, 1], -along[:, 0], np.zeros(which.size)], axis=1)
-        side /= np.sqrt((side**2).sum(axis=1))[:, None]
-        side *= np.where((side * inwards).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
-        return axis + BESIDE_MM * side - np.array([0.0, 0.0, UNDER_MM]), along
-
-    def _weighed(self, places: Floats, middles: Floats) -> tuple[int, float]:
-        """Return which of some places, (S, 3) mm, has most others near and room, and its weight."""
-        room = self._room(places)
-        apart = ((places[:, None] - places[None]) ** 2).sum(axis=2)
-        near = (apart < NEAR_MM**2).sum(axis=1)
-        weights = near * np.clip(room - LEAST_ROOM_MM, 0.1, ROOM_MM - LEAST_ROOM_MM)
-        for place, _ in self._tried:
-            weights[((middles - place) ** 2).sum(axis=1) < NEAR_MM**2] *= AGAIN
-        at = int(weights.argmax())
-        return at, float(weights[at])
 
     def _room(self, places: Floats) -> Floats:
         """(S,) mm from places, (S, 3), to the next wall, seen from the front."""

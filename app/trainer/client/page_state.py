@@ -602,7 +602,7 @@ class PageState:
 
     def choose_instrument(self, hand: int, instrument: Instrument) -> None:
         """Make a hand the active one, with this instrument; one that it has it keeps as it is."""
-        if self.playback is not None or self.refuses(hand) or self.is_closed():
+        if not self.may_act(hand):
             return
         if instrument not in self.instruments:
             self.refuse(f"This exercise is done with: {', '.join(self.instruments)}.")
@@ -624,7 +624,7 @@ class PageState:
 
     def open_jaws(self, opening: float) -> None:
         """Open or close the active hand's dissector, mm between its jaws."""
-        if self.playback is None and not self.is_closed() and not self.refuses(self.hand):
+        if self.may_act(self.hand):
             self.session.open_jaws(self.hand, opening)
 
     def open_more(self, more: float) -> None:
@@ -731,6 +731,10 @@ class PageState:
             "The device holds the left hand's hook",
             f"{device}: {TAKES}. The mouse and the keys have the right hand. {FORCE_KEY}",
         )
+
+    def may_act(self, hand: int) -> bool:
+        """Return whether a hand can do something now; tell the client why not."""
+        return self.playback is None and not self.refuses(hand) and not self.is_closed()
 
     def is_closed(self) -> bool:
         """Return whether an exercise is over, whose result stands; then tell the client so."""

@@ -2,37 +2,32 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import tube_title
-from app.classroom.photograph import photograph_of
 from app.simulation import (
     CLIP_OPENING,
     COMES_OPEN,
-    FIELD_OF_VIEW,
+    FIRM,
     GRIP_N,
     GRIPS_AT,
     HOLDING,
     IN_RING_MM,
-    STOPS_AT,
     TICK_SECONDS,
     TROCARS,
-    Guidance,
     Hand,
     Instrument,
-    NextStep,
-    Safety,
     Session,
-    Structure,
     near_place,
-    pointed_at,
-    turn_off,
     wall_gap,
 )
+from app.trainer.client.asked_step import PARTS, AskedStep
 from app.trainer.client.page_state import PageState
+from app.trainer.client.photographer import Photographer
+from app.trainer.client.structure_pointer import StructurePointer
 from app.trainer.scope.held_scope import HeldScope
 
 Floats = NDArray[np.float64]
@@ -81,9 +76,10 @@ it otherwise."""
 ON_PATH_MM, IN_FRONT_MM = 2.0, 25.0
 """Off a ring's path, from which on a tip that goes there by itself comes out before it goes aside,
 and how far before the ring it then is at most."""
-NEARS_MM, NEARS_MM_S, DRAWS_MM_S = 15.0, 15.0, 3.0
+NEARS_MM, NEARS_MM_S, IN_TISSUE_MM_S, DRAWS_MM_S = 15.0, 15.0, 8.0, 3.0
 """Off a ring, within which a tip that goes there by itself goes no faster; and how fast at most
-with what it holds."""
+among strands, as errors have it (`fast_in_tissue`), or with open blades, and with what it
+holds."""
 LEAST_PUSH_N = 0.1
 """N against a hand's move, from which on it goes as slowly as one that holds."""
 INSISTING = "Going on as before brings it 3 % nearer to its break with each click, notch or key."
@@ -109,11 +105,6 @@ SAME_WAY = math.cos(math.radians(60.0))
 """Cosine of the angle within which a path goes the way that was stopped before."""
 SEEN_TICKS = 30
 """Ticks after a stop, in which keys do nothing: they were pressed before it was seen."""
-JUDGED_TICKS, USED_TICKS = 15, 4
-"""Ticks after which what comes next is judged anew, and after an instrument was used: then it has
-begun to move."""
-PARTS: frozenset[Instrument] = frozenset({"dissector", "right angle"})
-"""Instruments whose jaws part tissue."""
 SUCTION = 15.0
 """ml/s."""
 QUICK_TURNS, AT_BAR, QUICK_MOVES = 3.0, 0.02, 4.0
@@ -139,15 +130,6 @@ NOTHING_TO_CUT = (
     "Nothing lies between the blades that crosses them. Lead their tips on past it, one blade on "
     "either side; J and L turn them."
 )
-NOTHING_THERE = "No tube is seen there. Point at the wall of one."
-NOT_ASKED = (
-    "Structures are marked in the exercise Critical view, once its points are reached, and in Who "
-    "is who."
-)
-CROSS_STEP = 0.03
-"""Of the picture's radius, that a key moves the cross by."""
-BACK_NEXT = "It is of the front. For one of the back swing the gallbladder over, and press H."
-BOTH_KEPT = "Front and back go with the result."
 SWEEPS = "A swab has no jaws: wipe with it along a tube."
 
 
@@ -174,16 +156,13 @@ class ScopeLead:
 
     def __init__(self, state: PageState, held: HeldScope) -> None:
         self._state, self.held = state, held
+        self.asked = AskedStep(state)
+        """What an exercise asks for next."""
+        self.pointer = StructurePointer(state, held, self.asked)
+        """What points at structures."""
+        self.photographer = Photographer(state)
+        """What takes photographs for the record."""
         self.leads_scope = self.by_handle = False
-        self._points_at: Structure | None = None
-        self._cross = 0.0, 0.0
-        self._photographs = False  # whether one is asked for
-        # What is asked for next, and of which run and tissue.
-        self._guidance, self._guided = cast(Guidance, None), cast(object, None)
-        self._judged: object = None  # of what `_next` was found
-        self._judge_at = 0  # the tick in which it is found anew
-        self._next = self._marked = cast(NextStep | None, None)
-        self._to_part: tuple[int, ...] = ()  # of what is `_marked`
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
         self._pointer: _Pointer | None = None
@@ -195,7 +174,7 @@ class ScopeLead:
         self._jaws: list[float | None] = [None] * len(state.hands)
         self._crushes = [False] * len(state.hands)  # whether what closing jaws strain waits
         self._run = state.session.run
-        self._stops_at = STOPS_AT
+        self._stops_at = FIRM.stops_at
         self._stress = 0.0  # of the last tick, over the strength
         self._stopped_at = -SEEN_TICKS  # tick in which something was stopped last
         # Of each hand, the move that was stopped, or None.
@@ -212,98 +191,6 @@ class ScopeLead:
         return self._state.hand
 
     @property
-    def structures(self) -> tuple[Structure, ...]:
-        """What an exercise that goes on asks to be pointed at, as far as it has come."""
-        run = self._state.session.run
-        exercise = None if run.over or self._state.playback is not None else run.exercise
-        if exercise is None or run.progress < exercise.points_from:
-            return ()
-        return exercise.structures
-
-    @property
-    def points_at(self) -> Structure | None:
-        """The structure that the pointer marks now, and not lead hands."""
-        return self._points_at if self._points_at in self.structures else None
-
-    @property
-    def cross(self) -> tuple[float, float] | None:
-        """Where keys point, right and up in the picture, whose radius is 1; None if they do not."""
-        return None if self.points_at is None else self._cross
-
-    @property
-    def next_step(self) -> NextStep | None:
-        """What an exercise asks for next, while that is shown."""
-        state, run = self._state, self._state.session.run
-        exercise, tissue = run.exercise, state.session.spatial
-        shown = state.marks_next and state.figures_visible and state.playback is None
-        if exercise is None or exercise.looks_only or run.over or not shown:
-            return None
-        if self._guided != (run, tissue):
-            self._guided, self._guidance = (run, tissue), Guidance(Safety(tissue))
-        # What is asked for does not change with each strand that parts.
-        now = exercise, tissue.beam, len(tissue.events), len(tissue.marks), self.structures
-        due = not 0 < self._judge_at - tissue.ticks <= JUDGED_TICKS
-        if due or now != self._judged:
-            self._judged, self._judge_at = now, tissue.ticks + JUDGED_TICKS
-            self._next = self._guidance.next_step(exercise, viewed=bool(self.structures))
-        return self._next
-
-    @property
-    def asked_tool(self) -> Instrument | None:
-        """What the next step asks the active hand to take; None where it has that already."""
-        step = self.next_step
-        asked = None if step is None or step.hand != self.hand else step.tool
-        return None if asked == self._state.instrument else asked
-
-    @property
-    def turn_left(self) -> float | None:
-        """Angle by which the active hand's jaws are to be turned for the next step, rad.
-
-        As `turn` takes it, 0 of a shaft along the bar, whose jaws need no turn; None where the step
-        asks for no direction, or not of this hand.
-        """
-        step, holder = self.next_step, self._state.hands[self.hand]
-        if step is None or step.along is None or self.leads_scope or step.hand != self.hand:
-            return None
-        jawed = holder.instrument in PARTS or holder.instrument in COMES_OPEN
-        return (turn_off(self.hand, holder, np.array(step.along)) or 0.0) if jawed else None
-
-    @property
-    def to_part(self) -> tuple[int, ...]:
-        """The strands, as the page numbers them, that the next step is about."""
-        step = self.next_step
-        if step is not self._marked:
-            wanted, order = () if step is None else step.strands, self.session.spatial.beam.order
-            numbers = np.flatnonzero(np.isin(order, wanted)).tolist()
-            self._marked, self._to_part = step, tuple(numbers)
-        return self._to_part
-
-    @property
-    def ring(self) -> tuple[float, ...] | None:
-        """Where the next step is done: mm, two directions and the hand, (10,); None nowhere.
-
-        Jaws part along the first direction, the wheel leads there along the second. Each is zero
-        where there is none: a hand that holds is not led along its shaft.
-        """
-        step = self.next_step
-        if step is None or step.place is None:
-            return None
-        along = (0.0, 0.0, 0.0) if step.along is None else step.along
-        shaft = np.zeros(3)
-        if step.hand is not None and self._state.hands[step.hand].node is None:
-            shaft = TROCARS[step.hand].shaft(np.array(step.place))
-        numbers = *step.place, *along, *shaft.tolist(), float(step.hand or 0)
-        return tuple(round(each, 3) for each in numbers)
-
-    @property
-    def _asked_place(self) -> Floats | None:
-        """(3,) mm where to the next step leads the active hand's tip; None nowhere."""
-        step = self.next_step
-        if step is None or step.place is None or step.hand != self.hand:
-            return None
-        return np.array(step.place)
-
-    @property
     def to_ring(self) -> tuple[float, float, float] | None:
         """How far right and up of the led tip the ring's path is, and in along that the ring, mm.
 
@@ -311,7 +198,7 @@ class ScopeLead:
         its way counts from where it comes to. None where there is no ring for it, or the scope is
         led.
         """
-        if (place := self._asked_place) is None or self.leads_scope:
+        if (place := self.asked.place) is None or self.leads_scope:
             return None
         holder = self._state.hands[self.hand]
         still = self._goals[self.hand] is None and holder.arrived
@@ -347,79 +234,14 @@ class ScopeLead:
     @property
     def _normal(self) -> Floats:
         """(3,) of the plane in which the pointer leads the active hand: to the ring, if any."""
-        ring = self._asked_place
+        ring = self.asked.place
         place = self._led_to if ring is None else ring
         return self._normal_of(TROCARS[self.hand].shaft(place))
-
-    @property
-    def in_ring(self) -> bool:
-        """Whether the led tip is in the ring."""
-        ring, tip = self._asked_place, self._state.hands[self.hand].tip
-        return ring is not None and math.dist(ring, tip) < IN_RING_MM
-
-    def point(self, structure: Structure | None) -> None:
-        """Let the pointer mark a structure from now on, or lead hands again."""
-        self._points_at = structure
-        self._state.show()
-
-    def point_next(self) -> None:
-        """Let the pointer mark the next structure, and after the last one lead hands again."""
-        asked: list[Structure | None] = [None, *self.structures]
-        if len(asked) == 1:
-            self._state.refuse(NOT_ASKED)
-            return
-        self.point(asked[(asked.index(self.points_at) + 1) % len(asked)])
-
-    def mark(self, direction: Floats) -> None:
-        """Take the tube that is seen first along a direction, (3,), for what is pointed at."""
-        structure = self.points_at
-        if structure is None or not self._may_act():
-            return
-        tissue = self.session.spatial
-        found = pointed_at(tissue.beam, self.held.camera.tip, direction)
-        if found is None:
-            self._state.refuse(NOTHING_THERE)
-            return
-        tube, at = found
-        self.session.mark(structure, tube, at / tissue.tubes.surfaces[tube].scale)
-        exercise, marked = self.session.run.exercise, {each.structure for each in tissue.marks}
-        # Where hands have something to do as well, the pointer leads them again.
-        asked = self.structures if exercise is not None and exercise.looks_only else ()
-        self.point(next((each for each in asked if each not in marked), None))
-
-    def photograph(self) -> None:
-        """Have the page take a photograph for the record with its next picture."""
-        if self._state.playback is None:
-            self._photographs = True
-            self._state.show()
-
-    def take_request(self) -> bool:
-        """Return whether a photograph was asked for since the last call."""
-        wanted, self._photographs = self._photographs, False
-        return wanted
-
-    def keep_photograph(self, url: object) -> None:
-        """Keep a photograph that the page has sent: the front first, then the back."""
-        state = self._state
-        try:
-            taken = photograph_of(url)
-        except ValueError as error:
-            state.refuse(str(error))
-            return
-        state.photographs = [*state.photographs[-1:], taken]
-        words = BACK_NEXT if len(state.photographs) == 1 else BOTH_KEPT
-        state.client.add_notification("Photograph kept", words, auto_close_seconds=8.0)
-        state.show()
-
-    def call_unsafe(self) -> None:
-        """Say that it is not yet safe to tell."""
-        if self.structures and self._may_act():
-            self.session.call_unsafe()
 
     def choose(self, hand: int | None) -> None:
         """Lead a hand from now on, or the scope."""
         self._leave_ring()
-        self._points_at = None
+        self.pointer.leave()
         self.leads_scope = hand is None
         self._state.choose_hand(self.hand if hand is None else hand)
 
@@ -448,7 +270,7 @@ class ScopeLead:
 
     def choose_next_instrument(self) -> None:
         """Give the active hand what the next step asks for, or else the next instrument."""
-        if (asked := self.asked_tool) is not None:
+        if (asked := self.asked.tool) is not None:
             self.choose_instrument(self.hand, asked)
             return
         offered, now = self._state.instruments, self._state.instrument
@@ -502,7 +324,7 @@ class ScopeLead:
 
     def _is_at_ring(self, ray: Floats) -> bool:
         """Return whether a ray passes through the active hand's ring, whose tip is not there."""
-        if (ring := self._asked_place) is None or self.in_ring:
+        if (ring := self.asked.place) is None or self.asked.in_ring:
             return False
         to, along = ring - ray[:3], ray[3:]
         past = to - float(to @ along) / max(float(along @ along), 1e-12) * along
@@ -514,7 +336,7 @@ class ScopeLead:
         It goes out of the tissue first, aside in front of that, and in along the ring's path; with
         what it holds it goes straight there.
         """
-        if (ring := self._asked_place) is None or self.leads_scope:
+        if (ring := self.asked.place) is None or self.leads_scope:
             self._state.refuse(NO_RING)
         elif self._may_act():
             self._goals[self.hand] = None
@@ -527,11 +349,11 @@ class ScopeLead:
 
     def _seek(self) -> None:
         """Lead a tip that goes to its ring on by a leg, once it has come to the end of the last."""
-        hand, step = self._state.hands[self.hand], self.next_step
+        hand, step = self._state.hands[self.hand], self.asked.step
         if self._seeks is None or self._goals[self.hand] is not None or not hand.arrived:
             return
         (asked, before), tip = self._seeks, hand.tip
-        ring, to_ring = self._asked_place, self.to_ring
+        ring, to_ring = self.asked.place, self.to_ring
         if step is None or ring is None or to_ring is None or math.dist(ring, asked) > IN_RING_MM:
             self._seeks = None
             return
@@ -542,6 +364,8 @@ class ScopeLead:
             return
         if math.dist(tip, ring) < THERE_MM or math.dist(tip, before) < THERE_MM:
             self._seeks = None
+            if not self.asked.in_ring and hand.instrument not in HOLDING:
+                self.asked.note_blocked()
             return
         self._seeks = ring.copy(), tip
         touches = self.session.spatial.touched(self.hand) > 0
@@ -572,7 +396,7 @@ class ScopeLead:
         """Lead the active hand in along its shaft, or the scope where that is led or one points."""
         self._leave_ring()
         into = NOTCH_MM * notches
-        if self.leads_scope or self.points_at is not None:
+        if self.leads_scope or self.pointer.structure is not None:
             self.move_scope(depth=into)
         elif self.by_handle:
             self.push_handle(0.0, 0.0, into)
@@ -595,7 +419,7 @@ class ScopeLead:
 
     def _marked_for(self, place: Floats) -> list[Floats]:
         """(3,) mm each: the active hand's ring, and the cross on its path before a place."""
-        ring = self.ring
+        ring = self.asked.ring
         if ring is None or ring[9] != self.hand:
             return []
         at, shaft = np.array(ring[:3]), np.array(ring[6:9])
@@ -676,6 +500,8 @@ class ScopeLead:
                 else:
                     self._say_stopped(STOPPED)
                 continue
+            if strains and self._other_slips(hand):
+                continue  # until the other hand has gone after what it holds
             slowly = strains or self._crushes[hand]
             most = self._speed(holder, slowly) * TICK_SECONDS * ticks
             if not slackens:
@@ -688,10 +514,19 @@ class ScopeLead:
 
     def _nears_break(self) -> bool:
         """Return whether a wall is nearer to its break than it may come: no force is felt here."""
-        ratio = self.session.spatial.stress_ratio
-        if ratio < STOPS_AT:
-            self._stops_at = STOPS_AT
+        ratio, most = self.session.spatial.stress_ratio, self._most_strain
+        self._stops_at = most if ratio < most else max(most, self._stops_at)
         return ratio > self._stops_at and self._state.figures_visible
+
+    @property
+    def _most_strain(self) -> float:
+        """Of a wall's break, at which what strains it is stopped."""
+        step = self.asked.step
+        return (FIRM if step is None else step.strain).stops_at
+
+    def _other_slips(self, hand: int) -> bool:
+        """Return whether what another hand holds is about to slip out of it."""
+        return any(self._nears_slip(i) for i in range(len(self._goals)) if i != hand)
 
     def _other_pushes(self, hand: int) -> bool:
         """Return whether another hand pushes or pulls at something."""
@@ -712,7 +547,7 @@ class ScopeLead:
 
     def _insist(self) -> None:
         """Let a wall come a little nearer to its break than it is, if it is near."""
-        self._stops_at = max(STOPS_AT, self.session.spatial.stress_ratio + INSISTS)
+        self._stops_at = max(self._most_strain, self.session.spatial.stress_ratio + INSISTS)
         self._stopped = [None] * len(self._stopped)
 
     def _steps(self) -> bool:
@@ -726,10 +561,11 @@ class ScopeLead:
         """Tell what was stopped and what to do; by default a wall nears its break."""
         tissue = self.session.spatial
         self._stopped_at = tissue.ticks
-        if self.next_step is not None:
-            self._judge_at = min(self._judge_at, tissue.ticks + USED_TICKS)
+        if self.asked.step is not None:
+            self.asked.judge_soon()
             advice = advice if why else NEXT_SLACKENS
-        why = why or f"the {tube_title(tissue.most_stressed)} nears its break"
+        wall = tube_title(tissue.most_stressed)
+        why = why or f"the {wall} is at {100.0 * tissue.stress_ratio:.0f} % of its break"
         self._state.refuse(advice, f"Stopped: {why}")
 
     def _lead_jaws(self, hand: int, stops: bool, rises: bool, brake: float, seconds: float) -> None:
@@ -744,8 +580,10 @@ class ScopeLead:
         push = math.hypot(*self.session.spatial.forces[hand])
         if push > GRIPS_AT * GRIP_N and goal > opened and self._state.figures_visible:
             self._jaws[hand] = None
-            advice = PUSHED if self.next_step is None else DO_NEXT
+            advice = PUSHED if self.asked.step is None else DO_NEXT
             self._say_stopped(advice, f"the jaws push with {push:.0f} N")
+            return
+        if goal > opened and push > LEAST_PUSH_N and self._other_slips(hand):
             return
         crushed = self._crushes[hand]
         # From where closing jaws strain a wall to where that is slack, or they touch nothing, they
@@ -766,11 +604,8 @@ class ScopeLead:
     def nudge(self, right: float, up: float, away: float) -> None:
         """Move the active hand's tip in the picture and in along its shaft, mm, or the scope."""
         self._leave_ring()
-        if self.points_at is not None:
-            step, (x, y) = 2.0 * CROSS_STEP, self._cross
-            x, y = (min(max(each, -0.95), 0.95) for each in (x + step * right, y + step * up))
-            self._cross = x, y
-            self._state.show()
+        if self.pointer.structure is not None:
+            self.pointer.move_cross(right, up)
             return
         if self.leads_scope:
             self.move_scope(pan=0.04 * right, tilt=0.04 * up, depth=2.0 * away)
@@ -787,7 +622,7 @@ class ScopeLead:
 
     def step(self, right: float, up: float, into: float) -> None:
         """Move as `nudge` does, but a tip several times as far towards its ring, not past it."""
-        to_ring = self.to_ring if self.points_at is None else None
+        to_ring = self.to_ring if self.pointer.structure is None else None
         steps, left = (right, up, into), to_ring or (0.0, 0.0, 0.0)
         if to_ring is not None and math.hypot(*to_ring) < THERE_MM:  # it leads out of that only
             self.nudge(right, up, min(into, 0.0))
@@ -798,8 +633,8 @@ class ScopeLead:
 
     def _align(self, most: float) -> None:
         """Turn the active hand's jaws to the ring's bar, rad at most, while they touch nothing."""
-        left, push = self.turn_left, math.hypot(*self.session.spatial.forces[self.hand])
-        if left is None or abs(left) <= AT_BAR or push > LEAST_PUSH_N:
+        left, push = self.asked.turn, math.hypot(*self.session.spatial.forces[self.hand])
+        if self.leads_scope or left is None or abs(left) <= AT_BAR or push > LEAST_PUSH_N:
             self._aligns = False
         else:
             self._turn_jaws(math.copysign(min(abs(left), most), left))
@@ -816,32 +651,35 @@ class ScopeLead:
             return
         if self._aligns:  # it turns by itself: a key too many would lead past the bar
             return
-        left = self.turn_left
+        left = self.asked.turn
         if left is not None and abs(left) > AT_BAR and left * angle > 0.0:
             angle = _quicker(angle, left, QUICK_TURNS)
-        self._turn_jaws(angle)
+        if not self._turn_jaws(angle):  # they would turn into a tube
+            self.asked.note_blocked()
 
-    def _turn_jaws(self, angle: float) -> None:
+    def _turn_jaws(self, angle: float) -> bool:
+        """Turn the active hand's jaws by an angle, rad; return whether they have turned."""
         holder = self._state.hands[self.hand]
+        before = holder.aim, holder.spread
         shaft = TROCARS[self.hand].shaft(holder.place)
         if holder.instrument == "right angle":
             self._bend(self.hand, shaft, _about(np.array(holder.aim), shaft, angle))
         else:
             turned = _about(np.array(holder.spread), shaft, angle)
             self.session.spread(self.hand, turned.tolist())
+        after = self._state.hands[self.hand]
+        return (after.aim, after.spread) != before
 
     def use_instrument(self) -> None:
         """Do what the active hand's instrument does, or mark what the cross points at."""
-        if self.points_at is not None:
-            x, y = self._cross
-            wide = math.tan(0.5 * FIELD_OF_VIEW)
-            self.mark(self.held.camera.axes @ np.array([wide * x, wide * y, -1.0]))
+        if self.pointer.structure is not None:
+            self.pointer.mark_at_cross()
             return
         if self._may_act():
             self._leave_ring()
             self._state.forget_refusal()
             self._uses[self._state.instrument]()
-            self._judge_at = min(self._judge_at, self.session.spatial.ticks + USED_TICKS)
+            self.asked.judge_soon()
 
     @property
     def use(self) -> str:
@@ -880,7 +718,9 @@ class ScopeLead:
             return
         found = near_place(state.session.spatial.beam, holder.place)
         if found is None:
-            state.refuse(NOTHING_NEAR if self.to_ring is None or self.in_ring else NOT_IN_RING)
+            state.refuse(
+                NOTHING_NEAR if self.to_ring is None or self.asked.in_ring else NOT_IN_RING
+            )
         elif state.session.grab(hand, found[1], found[0]) is None:
             state.refuse(ENDS)
 
@@ -917,9 +757,8 @@ class ScopeLead:
         self._aligns, self._seeks = False, None
 
     def _may_act(self) -> bool:
-        """Return whether the active hand can do something now; tell the client where not."""
-        state = self._state
-        return state.playback is None and not state.refuses(self.hand) and not state.is_closed()
+        """Return whether the active hand can do something now; tell the client why not."""
+        return self._state.may_act(self.hand)
 
     def _speed(self, holder: Hand, strains: bool) -> float:
         if holder.instrument in PARTS and holder.opening > 0.0:
@@ -930,8 +769,12 @@ class ScopeLead:
         if strains:
             return HOLDS_MM_S
         most = LEAD_MM_S[holder.instrument]
+        if not seeks:
+            return most
         nears = self._seeks is not None and math.dist(self._seeks[0], holder.tip) < NEARS_MM
-        return min(most, NEARS_MM_S) if seeks and nears else most
+        opens = holder.instrument in COMES_OPEN and nears
+        slowly = opens or self.session.spatial.touched(self.hand)
+        return min(most, IN_TISSUE_MM_S if slowly else NEARS_MM_S if nears else most)
 
     def _aim(self, hand: int) -> None:
         """Lay an instrument along its shaft; a right angle's tip goes with it."""

@@ -22,19 +22,25 @@ class Pointing:
         self._state, self._lead = state, lead
         self._numbers = {
             each: page_number(
-                command(gui, f"Point at the {each}", HINT, partial(lead.point, each), slow=False)
+                command(
+                    gui,
+                    f"Point at the {each}",
+                    HINT,
+                    partial(lead.pointer.choose, each),
+                    slow=False,
+                )
             )
             for each in STRUCTURES
         }
         self._unsafe = page_number(
-            command(gui, "Not yet safe to tell", UNSAFE, lead.call_unsafe, slow=False)
+            command(gui, "Not yet safe to tell", UNSAFE, lead.pointer.call_unsafe, slow=False)
         )
         self._row = gui.add_html("", visible=False)
 
     def show(self) -> None:
         """Show what is marked, and what the pointer marks now."""
         lead, tissue = self._lead, self._state.session.spatial
-        asked = lead.structures
+        asked = lead.asked.structures
         set_if_changed(self._row, visible=bool(asked))
         if not asked:
             return
@@ -42,7 +48,7 @@ class Pointing:
         buttons = [
             _button(
                 self._numbers[each], ("\N{CHECK MARK} " if each in marked else "") + each, HINT,
-                pressed=each == lead.points_at,
+                pressed=each == lead.pointer.structure,
             )
             for each in asked
         ]  # fmt: skip

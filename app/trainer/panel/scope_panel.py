@@ -231,7 +231,7 @@ class ScopePanel:
         Choice(gui, "Turn", TURNS, self._turn).show("")
         photograph = gui.add_button("Photograph (H)", icon=viser.Icon.CAMERA, color="gray",
                                     hint="For the record: the front, then the back")  # fmt: skip
-        on_click(photograph, lead.photograph)
+        on_click(photograph, lead.photographer.ask)
         self._scope = Choice(gui, "Scope", SCOPES, lambda _: lead.change_scope())
         self._wipe = gui.add_button("Wipe the lens", hint="Of blood and tissue (B)")
         on_click(self._wipe, lead.wipe_lens)
@@ -289,11 +289,11 @@ class ScopePanel:
         reached = bool(exercise.structures) and run.progress >= exercise.points_from > 0.0
         if reached and not state.photographs and run is not self._photographed:
             self._photographed = run
-            self._lead.photograph()
+            self._lead.photographer.ask()
 
     def _show_goal(self) -> None:
         """Show what to reach, or what an exercise asks for next: at its start bring that in."""
-        step = self._lead.next_step
+        step = self._lead.asked.step
         asked = "" if step is None else step.words
         if step is not None and step.hand not in (None, self._state.hand):
             asked = asked.replace("(G)", "(X, then G)")  # G is the led hand's
@@ -347,15 +347,15 @@ class ScopePanel:
             return [("Led", "the scope"), ("Tip", "-")]
         name, place = "Tip", "-"
         touched = 0 if holder.instrument in HOLDING else tissue.touched(hand)
-        step, to_ring = self._lead.next_step, self._lead.to_ring
-        if (asked := self._lead.asked_tool) is not None:
+        step, to_ring = self._lead.asked.step, self._lead.to_ring
+        if (asked := self._lead.asked.tool) is not None:
             name, place = TO_RING, f"take the {asked} (N)"
         elif to_ring is not None:
             through = step is not None and step.through
             parts = holder.instrument not in HOLDING
             in_tissue = parts and not through and (touched > 0 or self._lead.meets_wall)
             moves = _moves(to_ring, holds=holder.node is not None, in_tissue=in_tissue)
-            if self._lead.in_ring and not (moves and step is not None and step.leads):
+            if self._lead.asked.in_ring and not (moves and step is not None and step.leads):
                 moves = "in it"
             name, place = TO_RING, moves or COMING
         elif step is not None and step.hand is not None and step.hand != hand:
@@ -386,7 +386,7 @@ class ScopePanel:
     @property
     def _to_turn(self) -> str:
         """How far the led jaws are off what the next step asks for."""
-        off = self._lead.turn_left
+        off = None if self._lead.leads_scope else self._lead.asked.turn
         if off is None:
             return "-"
         if abs(off) < TURNED:
@@ -475,9 +475,9 @@ class ScopePanel:
             "O": lambda: lead.open_more(1.0),
             "C": lambda: lead.open_more(-1.0),
             "I": lead.seek_ring,
-            "K": lead.point_next,
-            "H": lead.photograph,
-            "U": lead.call_unsafe,
+            "K": lead.pointer.choose_next,
+            "H": lead.photographer.ask,
+            "U": lead.pointer.call_unsafe,
             "X": lead.choose_next,
             "Y": lead.choose_scope,
             "F": lambda: self._choose_led_by("tip" if lead.by_handle else "handle"),

@@ -31,8 +31,8 @@ from app.trainer.panel.page_panel import PagePanel, offers
 from app.trainer.panel.scope_panel import ScopePanel
 from app.trainer.scene.tissue_scene import TissueScene
 from app.trainer.scope.held_scope import HeldScope
-from app.trainer.scope.scope_scene import ScopeScene
 from app.trainer.stage.lighting import Look, LookChoice
+from app.trainer.view.scope_scene import ScopeScene
 from app.trainer.viser_bridge.page import open_tab, watch_pace
 from organ_geometry import Organ
 
@@ -219,7 +219,7 @@ class PageView:
             self._scene = self._make_scene(self.client, session, look)
         else:
             self._lead = ScopeLead(state, HeldScope(anatomy_network(anatomy)))
-            self._scene = ScopeScene(self.client, session, look, self._lead.held, self._lead)
+            self._scene = ScopeScene(self.client, session, look, self._lead)
         # Before the panel is sent, so that all that can be seen can be dragged.
         self._scene.let_drag(state.grab, state.move_hand, state.release_hand)
         self._add_panel(scene)

@@ -1,7 +1,6 @@
 """The scene of an anatomy: its picture through a scope, and what mouse and fingers do there."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 import viser
@@ -9,8 +8,8 @@ from numpy.typing import NDArray
 
 from app.anatomy import tube_title
 from app.simulation import Reading, Session
+from app.trainer.client.scope_lead import ScopeLead
 from app.trainer.scope.drawn_tissue import draw_tissue, picture_of
-from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.picture import ScopePicture
 from app.trainer.stage.lighting import Look
 from app.trainer.viser_bridge.page import run_function
@@ -29,106 +28,6 @@ MOST = 1e6
 """Largest number that a page's pointer or gamepad sends: mm, notches or rad."""
 
 
-class Led(Protocol):
-    """What the pointer in the picture leads: the active hand, or the scope."""
-
-    @property
-    def hand(self) -> int:
-        """Number of the active hand."""
-        ...
-
-    @property
-    def session(self) -> Session:
-        """The client's own session."""
-        ...
-
-    @property
-    def cross(self) -> tuple[float, float] | None:
-        """Where keys point, right and up in the picture, whose radius is 1; None if they do not."""
-        ...
-
-    @property
-    def to_part(self) -> tuple[int, ...]:
-        """The strands, as the page numbers them, that are marked in the picture."""
-        ...
-
-    @property
-    def ring(self) -> tuple[float, ...] | None:
-        """Place, mm, directions of bar and line, and hand of the ring, (10,); None without one."""
-        ...
-
-    def take_request(self) -> bool:
-        """Return whether a photograph was asked for since the last call."""
-        ...
-
-    def keep_photograph(self, url: object) -> None:
-        """Keep a photograph that the page has sent."""
-        ...
-
-    def mark(self, direction: Floats) -> None:
-        """Take the tube that is seen first along a direction, (3,), for what is pointed at."""
-        ...
-
-    leads_scope: bool
-    """Whether the pointer leads the scope."""
-
-    def press(self, *ray: float) -> None:
-        """Lead the active hand by a pointer: (6,) where a ray to it starts, mm, and direction."""
-        ...
-
-    def drag(self, *ray: float) -> None:
-        """Lead the hand on to where the pointer is now."""
-        ...
-
-    def wheel(self, notches: float) -> None:
-        """Lead the active hand or the scope in along its shaft."""
-        ...
-
-    def nudge(self, right: float, up: float, away: float) -> None:
-        """Move the active hand in the picture, mm, or turn the scope by as many steps."""
-        ...
-
-    def turn(self, angle: float) -> None:
-        """Turn the active hand's jaws or the scope's cable, rad."""
-        ...
-
-    def open_more(self, more: float) -> None:
-        """Part the active hand's jaws by some mm more, or less."""
-        ...
-
-    def choose_next(self) -> None:
-        """Lead the other hand."""
-        ...
-
-    def choose_scope(self) -> None:
-        """Lead the scope, or the hand again."""
-        ...
-
-    def choose_next_instrument(self) -> None:
-        """Give the active hand the next instrument."""
-        ...
-
-    def seek_ring(self) -> None:
-        """Lead the active hand's tip to its ring by itself."""
-        ...
-
-    def stop(self) -> None:
-        """Leave a hand that holds a tube where it is."""
-        ...
-
-    def advance(self, ticks: int) -> None:
-        """Lead the hands on for some ticks."""
-        ...
-
-    def use_instrument(self) -> None:
-        """Do what the active hand's instrument does."""
-        ...
-
-    def move_scope(self, pan: float, tilt: float, depth: float, cable: float) -> None:
-        """Move the scope, rad and mm."""
-        ...
-
-
 class ScopeScene:
     """One client's picture of its session's anatomy through a scope.
 
@@ -136,10 +35,10 @@ class ScopeScene:
     """
 
     def __init__(
-        self, client: viser.ClientHandle, session: Session, look: Look, scope: HeldScope, led: Led
+        self, client: viser.ClientHandle, session: Session, look: Look, led: ScopeLead
     ) -> None:
         self._client, self._session, self._look = client, session, look
-        self._held, self._led = scope, led
+        self._held, self._led = led.held, led
         client.scene.set_up_direction("+z")
         self._picture: ScopePicture | None = None
         self._drawn_with = -1.0  # the angle of the scope that the page has
@@ -166,7 +65,7 @@ class ScopeScene:
     def advance(self, ticks: int) -> bool:
         """Lead the hands, and let the assistant follow; return whether the picture is another."""
         self._led.advance(ticks)
-        self._asked = self._led.to_part, self._led.ring
+        self._asked = self._led.asked.to_part, self._led.asked.ring
         tissue = self._session.spatial
         # A replay, and another's session, are seen through the scope that was held there.
         held = self._held
@@ -198,9 +97,10 @@ class ScopeScene:
             run_function(self._client.scene, "bluntdissectScope.mark", self._marks[0])
         if ring != self._marks[1]:
             run_function(self._client.scene, "bluntdissectScope.ring", self._marks[1])
-        hand = POINTS if led.cross is not None else SCOPE if led.leads_scope else led.hand
-        leads = hand, led.cross
-        if self._photograph is not None and led.take_request():
+        cross = led.pointer.cross
+        hand = POINTS if cross is not None else SCOPE if led.leads_scope else led.hand
+        leads = hand, cross
+        if self._photograph is not None and led.photographer.take_request():
             number = page_number(self._photograph)
             run_function(self._client.scene, "bluntdissectScope.photograph", number)
         if self._pointer is not None and leads != self._leads:
@@ -241,7 +141,7 @@ class ScopeScene:
 
         @picture.on_update
         async def _(_: object) -> None:  # pyright: ignore[reportUnusedFunction]
-            self._led.keep_photograph(picture.value)
+            self._led.photographer.keep(picture.value)
 
     def frame_camera(self) -> None:
         """Give the scope back to the assistant, who looks at the triangle."""
@@ -261,7 +161,8 @@ class ScopeScene:
             "turn": (1, led.turn), "open": (1, led.open_more), "act": (0, led.use_instrument),
             "hand": (0, led.choose_next), "view": (0, led.choose_scope),
             "instrument": (0, led.choose_next_instrument), "ring": (0, led.seek_ring),
-            "scope": (4, led.move_scope), "point": (3, lambda *place: led.mark(np.array(place))),
+            "scope": (4, led.move_scope),
+            "point": (3, lambda *place: led.pointer.mark(np.array(place))),
         }  # fmt: skip
         count, act = acts.get(kind, (-1, None))
         if act is not None and len(numbers) == count:
