@@ -213,6 +213,7 @@ def test_a_grasper_stays_where_it_is_left_until_it_is_told_to_let_go(
         tab.wait_until(lambda: session.reading().holding == (True, True))
         page.mouse.up()
         tab.wait_until(lambda: session.reading().holding == (False, True))
+        tab.wait_until(lambda: view.state._dragged is None)
         np.testing.assert_array_equal(session.spatial.hands[1].place, left)
         # Two buttons stand in a row, with all their words, and leave room for the plot.
         let_go = page.get_by_role("button", name="Right hand: let go")
