@@ -51,6 +51,7 @@ from app.simulation.exercises.critical_view import Part
 from app.simulation.exercises.next_step import (
     BACK,
     BACK_ALONG,
+    CLOSE_FEW,
     FIRM,
     GENTLE,
     LEAVE,
@@ -1255,7 +1256,7 @@ def test_what_comes_next_is_asked_for_and_marked(lead: ScopeLead) -> None:
         opens.append(tissue.hands[1].opening)
     assert opens == sorted(opens)
     assert len(opens) > 1
-    assert step.words.startswith("Next: close the right hand's dissector (G)")
+    assert step.words == CLOSE_FEW.format("dissector")
     lead.use_instrument()
     pass_time(lead, session, 2.0)
     assert asked().words.startswith("Next: draw the right hand's dissector out of the tissue")
