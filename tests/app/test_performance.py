@@ -12,6 +12,7 @@ from program import refused, run
 from app.anatomy import anatomy_named
 from app.simulation import (
     FEW,
+    TICK_SECONDS,
     Performance,
     Replay,
     Safety,
@@ -180,6 +181,9 @@ def test_hasty_jaws_make_the_artery_bleed() -> None:
     session, found = shipped("hasty")
     tear = session.spatial.events[0]
     assert (tear.kind, tear.tube, tear.hand) == ("tear", "artery", 1)
+    metrics = session.metrics()
+    assert metrics["tear"]["time_s"] == pytest.approx(tear.tick * TICK_SECONDS, abs=1e-9)
+    assert metrics["time_s"] > metrics["tear"]["time_s"] + 1.0  # it goes on after that
     assert ("bleeding", "artery") in kinds(session)
     blood = session.reading().fluids[0]
     assert blood.lost_ml > 5.0

@@ -104,7 +104,7 @@ class DissectionRecorder:
         self.exercise = exercise
         self.duct, self.broken_by_touch = duct, duct.broken_by_touch
         self._started = False
-        self.ticks = 0
+        self.ticks = self._torn_at = 0
         self._hands, self._sums = np.zeros((HANDS, PLACE + 3)), np.zeros(RATIOS + RATE_TICKS)
         self._hands[:, HOLDING:ALONG], self._sums[TIME_TO_BREAK] = 1.0, math.inf
         self._by_hand = np.zeros(HANDS, np.int64)
@@ -139,6 +139,8 @@ class DissectionRecorder:
         """Take one tick, in which something moved or all stood still."""
         self.ticks += 1
         duct = self.duct
+        if self._torn is None:
+            self._torn_at = self.ticks
         self._torn, self._lost = duct.torn, self._lost_now
         if len(duct.pose) >= SCOPE_NUMBERS:
             self._take_scope(duct.pose)
@@ -287,7 +289,7 @@ class DissectionRecorder:
             return None
         return DissectionTear(
             station_mm=torn.station,
-            time_s=self.ticks * TICK_SECONDS,
+            time_s=self._torn_at * TICK_SECONDS,
             normal_stress_MPa=torn.normal_stress,
             bending_stress_MPa=torn.bending_stress,
             threshold_MPa=torn.threshold,
