@@ -63,7 +63,7 @@ def test_holds_the_packages_and_nothing_else(wheel: Path, sources: list[str]) ->
     assert {f"{package}/py.typed" for package in PACKAGES} <= names
     assert f"{info}licenses/LICENSE" in names
     assert metadata["License-Expression"] == "MIT"
-    assert wheel.stat().st_size < 2_600_000
+    assert wheel.stat().st_size < 2_500_000
 
 
 def test_citation_has_the_version() -> None:

@@ -433,8 +433,8 @@ def test_what_is_held_is_let_go_where_jaws_come_in_vain_to_close_on_a_tube() -> 
     # Where jaws come in vain though nothing is held, the gallbladder draws the tubes apart.
     guidance._closing.hindered = 5
     assert "out of the tissue" in asked(0.1)
-    assert guidance._out is not None
-    tissue.hands[1].put(guidance._out)
+    assert guidance._closing._out is not None
+    tissue.hands[1].put(guidance._closing._out)
     assert "take hold of the gallbladder" in asked(0.1)
     session.grab(0, 8.0, names.index("gallbladder"))
     assert "draw the gallbladder" in asked(0.1)

@@ -510,6 +510,14 @@ def test_an_exercise_asks_for_what_comes_next_and_counts_its_points(
         tab.press("Start")
         expect(asks).to_contain_text("Next: part the tissue between cystic duct and common duct")
         place = tabs.bounding_box()
+        # Who leads the other hand, or has another instrument, is told the key.
+        for key, other in (("x", "(X leads it.)"), ("n", "(N takes it.)")):
+            expect(asks).not_to_contain_text(other)
+            tab.page.keyboard.press(key)
+            expect(asks).to_contain_text(other)
+            assert tabs.bounding_box() == place
+            tab.page.keyboard.press(key)
+        expect(asks).not_to_contain_text("(N takes it.)")
         session.open_jaws(1, 0.1)  # with which the run begins
         session.open_jaws(1, 0.0)
         # What the hands part is parted here at once: the long tests have hands.

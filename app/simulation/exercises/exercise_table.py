@@ -55,8 +55,8 @@ EXERCISES: dict[str, ExerciseKind] = {
     ),
     "first_view": ExerciseKind(
         "First view",
-        "part most of the triangle with the right angle, draw the gallbladder off the liver, and "
-        "part there what holds it with the dissector",
+        "part what holds the tubes of the triangle, with the right angle behind and between them; "
+        "what holds the gallbladder to the liver counts, too, and parts with the dissector",
         ("wrong_structure", "bleeding"), ALL_INSTRUMENTS, in_hand=("grasper", "right angle"),
         first_hand=1, time_limit_s=1200.0,
     ),

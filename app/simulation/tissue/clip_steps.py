@@ -21,6 +21,7 @@ from app.simulation.exercises.next_step import (
     CLIP,
     CLOSE_NOW,
     DIVIDE,
+    FIRM,
     INTO_RING,
     MARK,
     STAYS_STOPPED,
@@ -29,7 +30,16 @@ from app.simulation.exercises.next_step import (
 from app.simulation.inputs.inputs import Instrument
 from app.simulation.inputs.trocar import TROCARS
 from app.simulation.tissue.instruments import CLIP_OPENING, RADIUS
-from app.simulation.tissue.jaw_steps import OUT_MM, RIGHT, TURNED, three, turn_off
+from app.simulation.tissue.jaw_steps import (
+    IN_RING_MM,
+    MOST_STUCK,
+    OUT_MM,
+    PUSHES_N,
+    RIGHT,
+    TURNED,
+    three,
+    turn_off,
+)
 from app.simulation.tissue.reached_tube import nearest_wall
 from app.simulation.tissue.safety import Safety
 from app.simulation.tissue.spatial_tissue import LEAST_FLOW, SpatialTissue
@@ -57,6 +67,9 @@ PER_MM = 10.0
 SHIFTS_MM, MOST_IN_VAIN, SPACE_APART_MM = (0.0, 1.5, -1.5, 3.0, -3.0), 2, 1.2
 """mm by which a place is shifted, one after the other, once jaws have come there so often that
 could not close; and off clips and ends that stays."""
+CANNOT_AFTER, OUT_FIRST_MM = 4, 12.0
+"""How often jaws may come that cannot close until tubes are to lie otherwise; and mm by which they
+are drawn out before that."""
 NEAR_MM, APART_MM, CLIPS_APART_MM = 1.5, 0.7, 1.6
 """mm from its place, up to which jaws are well placed; and from a clip, from which on scissors are,
 and another clip, between which and the first there is room for scissors."""
@@ -252,17 +265,52 @@ class ClosingSteps:
         self._safety, self._jaws = safety, JawsOnTube(safety.tissue)
         self._further: dict[str, int] = {}  # mm by which a tube's places are further
         self._place = "", 0  # the tube, and the number of the clip or of its division, last asked
+        self._out: Floats | None = None  # (3,) mm, where to jaws are drawn out
+        self._taut = 0  # judgements in a row at which a wall was taut
+        self.stays_strained = False
+        """Whether a wall stays taut."""
+        self.presses = False
+        """Whether jaws strain a wall."""
         self.hindered = 0
-        """How often jaws have strained a wall on their way there, or could not come there."""
+        """How often they have strained a wall on their way there, or could not come there."""
 
     @property
     def in_vain(self) -> int:
         """How often jaws have come there that could not close."""
         return self.hindered + self._jaws.in_vain
 
+    @property
+    def cannot_close(self) -> bool:
+        """Whether jaws cannot close as the tubes lie."""
+        return self.in_vain > CANNOT_AFTER
+
     def begin_anew(self) -> None:
         """Forget how often jaws have come in vain: the tubes lie otherwise now."""
         self.hindered = self._jaws.in_vain = 0
+
+    def follow(self) -> None:
+        """Note whether jaws strain a wall."""
+        tissue, before = self._safety.tissue, self.presses
+        pushes = math.hypot(*tissue.forces[RIGHT]) >= PUSHES_N
+        self.presses = tissue.stress_ratio >= FIRM.taut and pushes
+        self.hindered += self.presses and not before
+        taut = tissue.stress_ratio >= (FIRM.taut if pushes else FIRM.stops_at)
+        self._taut = self._taut + 1 if taut else 0
+        self.stays_strained = self._taut > (MOST_STUCK if pushes else 0)
+
+    def come_out(self) -> None:
+        """Ask for jaws to be drawn out before anything else."""
+        place = self._safety.tissue.hands[RIGHT].place
+        self._out = place + OUT_FIRST_MM * TROCARS[RIGHT].shaft(place)
+
+    def drawn_out(self) -> NextStep | None:
+        """Return that jaws are drawn out, if they are to be; None once they are."""
+        hand = self._safety.tissue.hands[RIGHT]
+        if self._out is None or math.dist(hand.place, self._out) <= IN_RING_MM:
+            self._out = None
+            return None
+        tool = hand.instrument
+        return NextStep(BACK.format(tool), place=three(self._out), hand=RIGHT, tool=tool)
 
     def next_step(self, stay: int, go: int) -> NextStep | None:
         """Return what to do next, with so many clips to stay and to go; None once all is done."""

@@ -49,6 +49,8 @@ Floats = NDArray[np.float64]
 
 RIGHT = 1
 """Number of the hand that has jaws."""
+PUSHES_N = 0.1
+"""Force from which on a hand can be what strains a wall."""
 FEW = 5
 """How few strands are few."""
 MOST_STRAINED = 1
@@ -311,6 +313,8 @@ class JawSteps:
             return self._step(OUT_AS.format(tool, self._why))
         if self.strained_often:
             return self._drawn_out()
+        if hand is not None and hand.opening and tool != "scissors":
+            return self._step(CLOSE.format(tool))  # open elsewhere, they strain what they pass
         beside = self._state == "beside"
         place = self._place if beside else self._beside
         there = hand is not None and math.dist(hand.place, place) < IN_RING_MM

@@ -115,6 +115,9 @@ STEADY = math.cos(math.radians(STEADY_DEG))
 """Cosine of the angle within which an instrument's shaft is left as it lies in the tissue."""
 BENT_STEADY = math.sin(math.radians(STEADY_DEG))
 """Cosine, either way, of the angle of a right angle's tip with its shaft that is left."""
+MM_DIGITS, DIRECTION_DIGITS = 3, 6
+"""Of a place in mm and of a direction, that hands are led to: runs with all digits are three times
+as large."""
 NOTHING_NEAR = (
     "Neither a tube nor the gallbladder is between the jaws. Lead the tip further in with the "
     "wheel, some notches at a time, and try again."
@@ -494,7 +497,7 @@ class ScopeLead:
                 self._goals[hand], self._stopped[hand] = None, Stop(path, stress)
                 if hand == self.hand:
                     self._seeks = None
-                state.session.move_hand(hand, holder.place - path * (GIVES_MM / far))
+                self._move(hand, holder.place - path * (GIVES_MM / far))
                 if slips:
                     self._say_stopped(HELD_BACK, "the grasper nears its grip")
                 else:
@@ -509,7 +512,7 @@ class ScopeLead:
             if far <= most:
                 self._goals[hand] = None
             step = path if far <= most else path * (most / far)
-            state.session.move_hand(hand, holder.target + step)
+            self._move(hand, holder.target + step)
             self._aim(hand)
 
     def _nears_break(self) -> bool:
@@ -543,7 +546,7 @@ class ScopeLead:
         if self._nears_slip(hand):
             pull = np.array(self.session.spatial.forces[hand])
             place = self._state.hands[hand].target - pull * (GIVES_MM / math.hypot(*pull))
-            self.session.move_hand(hand, place)
+            self._move(hand, place)
 
     def _insist(self) -> None:
         """Let a wall come a little nearer to its break than it is, if it is near."""
@@ -666,7 +669,7 @@ class ScopeLead:
             self._bend(self.hand, shaft, _about(np.array(holder.aim), shaft, angle))
         else:
             turned = _about(np.array(holder.spread), shaft, angle)
-            self.session.spread(self.hand, turned.tolist())
+            self._spread(self.hand, turned)
         after = self._state.hands[self.hand]
         return (after.aim, after.spread) != before
 
@@ -787,13 +790,22 @@ class ScopeLead:
             if abs(along) > BENT_STEADY:
                 self._bend(hand, shaft, aim)
         elif along < STEADY:
-            self.session.aim(hand, shaft.tolist())
+            self._point(hand, shaft)
 
     def _bend(self, hand: int, shaft: Floats, aim: Floats) -> None:
         """Bend a tip off its shaft by 90 degrees, nearest to an aim; its jaws part across."""
         across = aim - float((aim * shaft).sum()) * shaft
-        self.session.aim(hand, across.tolist())
-        self.session.spread(hand, np.cross(shaft, across).tolist())
+        self._point(hand, across)
+        self._spread(hand, np.cross(shaft, across))
+
+    def _move(self, hand: int, place: Floats) -> None:
+        self.session.move_hand(hand, np.round(place, MM_DIGITS))
+
+    def _point(self, hand: int, aim: Floats) -> None:
+        self.session.aim(hand, np.round(aim, DIRECTION_DIGITS).tolist())
+
+    def _spread(self, hand: int, direction: Floats) -> None:
+        self.session.spread(hand, np.round(direction, DIRECTION_DIGITS).tolist())
 
     def move_scope(
         self, pan: float = 0.0, tilt: float = 0.0, depth: float = 0.0, cable: float = 0.0

@@ -254,7 +254,7 @@ def _count(errors: int) -> str:
     if errors == 1:
         return "1 error"
     more = "scroll for all, " if errors > SHOWN else ""
-    return f"{errors} errors, the most serious first; {more}press one to see it"
+    return f"{errors} errors, those with most harm first; {more}press one to see it"
 
 
 def _button(uuid: str, text: str, hint: str) -> str:

@@ -94,7 +94,7 @@ class ExerciseTab:
         self._task = gui.add_html("")
         gui.add_html(
             note(
-                "Measures say how this duct was handled in this model. They certify no skill.",
+                "Measures say how tissue was handled in this model. They certify no skill.",
             )
         )
         on_input(self._choice, lambda _: self._choose())
@@ -324,7 +324,10 @@ def _folded(failing: list[str]) -> str:
     """Return the errors that fail an exercise, to unfold."""
     if not failing:
         return ""
-    any_of = f"Any of {len(failing)} errors fails it" if len(failing) > 1 else "One error fails it"
+    count = len(failing)
+    any_of = (
+        f"Any of {count} kinds of error fails it" if count > 1 else "One kind of error fails it"
+    )
     return (
         f"<details><summary style='cursor:pointer'>{any_of}</summary>"
         f"{html.escape('; '.join(failing))}.</details>"

@@ -47,7 +47,7 @@ class Pointing:
         marked = {each.structure for each in tissue.marks}
         buttons = [
             _button(
-                self._numbers[each], ("\N{CHECK MARK} " if each in marked else "") + each, HINT,
+                self._numbers[each], "\N{CHECK MARK} " * (each in marked) + each.capitalize(), HINT,
                 pressed=each == lead.pointer.structure,
             )
             for each in asked
@@ -65,5 +65,5 @@ class Pointing:
 def _button(number: str, text: str, hint: str, *, pressed: bool) -> str:
     return (
         f"<button type='button' data-command='{number}' title='{html.escape(hint, quote=True)}' "
-        f"aria-pressed='{'true' if pressed else 'false'}'>{html.escape(text.capitalize())}</button>"
+        f"aria-pressed='{'true' if pressed else 'false'}'>{html.escape(text)}</button>"
     )

@@ -296,7 +296,12 @@ class ScopePanel:
         step = self._lead.asked.step
         asked = "" if step is None else step.words
         if step is not None and step.hand not in (None, self._state.hand):
-            asked = asked.replace("(G)", "(X, then G)")  # G is the led hand's
+            if "(G)" in asked:  # which is the led hand's
+                asked = asked.replace("(G)", "(X, then G)")
+            else:
+                asked = f"{asked} (X leads it.)"
+        elif self._lead.asked.tool is not None:
+            asked = f"{asked} (N takes it.)"
         run, self._asked = self._state.session.run, asked
         if asked and run is not self._brought_in:
             self._brought_in = run
@@ -501,18 +506,17 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool, in_tissue: bool)
     names = ("right", "left"), ("up", "down"), ("in", "out")
     numbers = right, up, into / NOTCH_MM
     across, along, notches = (
-        f"{abs(far):.0f} {more if far > 0.0 else less}" if round(abs(far)) > 0 else ""
-        for far, (more, less) in zip(numbers, names, strict=True)
+        f"{abs(far):.0f} {unit} {more if far > 0.0 else less}" if round(abs(far)) > 0 else ""
+        for far, unit, (more, less) in zip(numbers, ("mm", "mm", "notches"), names, strict=True)
     )
     aside = ", ".join(filter(None, (across, along)))
-    number, _, direction = notches.partition(" ")
-    wheel = notches and f"{number} notch{'es' * (number != '1')} {direction}"
+    wheel = notches.replace("1 notches", "1 notch") if notches.startswith("1 ") else notches
     if holds:
-        return ", then ".join(filter(None, (aside and f"drag {aside} mm", wheel)))
+        return ", then ".join(filter(None, (aside and f"drag {aside}", wheel)))
     # Far out comes first, and in last: one goes aside in front of the tissue.
     if into < -FAR_OUT_MM or math.hypot(right, up) <= LEAST_MM:
         return wheel
-    return ", ".join(filter(None, (f"{aside} mm", wheel)))
+    return ", ".join(filter(None, (aside, wheel)))
 
 
 def _text() -> str:
