@@ -7,7 +7,8 @@
   const SPANS = 6;           // rounds in which the sheet is stretched between what it lies on
   const THICK = 0.35;        // of the sheet, mm
   const ROUND = 0.7;         // mm of tissue about a tube
-  const WRAPS = 0.8;         // mm that it is wider than an organ, and 1 to 3 mm lower: most at its top
+  const WRAPS = 0.8;         // mm that it is wider than an organ
+  const SINKS = 6;           // mm that it is lower at an organ's top: where they meet it is steep, and no shreds show
   const CLIMBS = 4;          // mm over the floor, at an organ that is drawn about
   const UNEVEN = 2;          // mm by which it is heaped up beside organs, here more, there less
   const EVENS = 12;          // rounds in which lobules on a slope are set apart
@@ -158,7 +159,7 @@
             const x = x0 + i * cell - ax, y = y0 + j * cell - ay, t = clamp((x * dx + y * dy) / long, 0, 1), k = j * columns + i;
             const off = (x - t * dx) ** 2 + (y - t * dy) ** 2, r = ar + t * (br - ar) + about;
             if (off >= r * r) continue;
-            const high = az + t * (bz - az) + Math.sqrt(r * r - off) - (tube.bare ? 2 * uneven[k] + 1 - off / (r * r) : 0);
+            const high = az + t * (bz - az) + Math.sqrt(r * r - off) - (tube.bare ? uneven[k] + SINKS * (1 - off / (r * r)) : 0);
             top[k] = Math.max(top[k], tube.bare && !tube.still ? Math.min(high, floor[k] + CLIMBS) : high);
           }
       }
