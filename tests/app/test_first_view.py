@@ -82,9 +82,9 @@ def usual(name: str) -> Exercise:
     return exercise
 
 
-def last_level(seed: int) -> Exercise:
-    """Return the exercise of the course's last level, at the anatomy of a seed."""
-    level = read_course(default_course()).level_of("view")
+def of_level(name: str, seed: int) -> Exercise:
+    """Return the exercise of a level of the course, at the anatomy of a seed."""
+    level = read_course(default_course()).level_of(name)
     return level.try_on(shipped_organ(), None, row=0, seed=seed).exercise
 
 
@@ -186,7 +186,7 @@ def test_who_does_what_the_page_asks_for_reaches_the_critical_view(
     """Five of six points, marks, clips and divisions in under 20 minutes, and nothing tears."""
     course = read_course(default_course())
     assert not drawn or seed in course.level_of("view").seeds
-    exercise = last_level(seed) if drawn else usual("critical_view")
+    exercise = of_level("view", seed) if drawn else usual("critical_view")
     session = followed(seed, exercise, 1200.0).session
     outcome = session.run.outcome
     assert outcome is not None
