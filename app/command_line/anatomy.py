@@ -262,7 +262,9 @@ def _report(
     *,
     as_json: bool,
 ) -> None:
-    """Print an anatomy's tubes and joins, and what else is known of it."""
+    """Print an anatomy's tubes, joins and tissue, and what else is known of it."""
+    from app.anatomy import anatomy_network
+
     tubes = [
         {
             "name": tube.name,
@@ -289,7 +291,8 @@ def _report(
     for join in made.join:
         where = join.at_mm if isinstance(join.at_mm, str) else f"{join.at_mm:.1f} mm"
         rows.append(("join", f"end {join.end} of {join.tube} at {where} of {join.to}"))
-    strands = sum(layer.strands for layer in made.layer)
+    # Fewer than its layers ask for: none leads through a tube that it does not hold.
+    strands = anatomy_network(made).strands.count
     rows.append(("tissue", f"{made.tissue}, {len(made.layer)} layers, {strands:,} strands"))
     result = {
         "name": made.name, "drawn": made.drawn, "tubes": tubes, "joins": joins, "strands": strands,
