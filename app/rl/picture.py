@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from app.simulation import HANDS, TOWARDS_HAND, SpatialTissue
+from app.simulation import HANDS, TOWARDS_HAND, TOWARDS_VIEWER, SpatialTissue
 from kernel_cache import njit
 
 Floats = NDArray[np.float64]
@@ -18,8 +18,7 @@ Bytes = NDArray[np.uint8]
 Pose = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 AWAY_MM, FIELD_DEG = 70.0, 60.0
-TOWARDS_VIEWER = (0.0, -0.8, 0.6)
-"""Of the standard camera: how far from the duct's middle it is, and which way."""
+"""Of the standard camera: how far from the duct's middle it is, and its field of view."""
 STRAND_MM, SHAFT_MM, SHAFT_RADIUS = 0.25, 60.0, 1.5
 DUCT, STRAND, BED, DARK = (118, 140, 74), (214, 170, 150), (120, 52, 44), (20, 10, 10)
 SHAFTS = {
@@ -55,7 +54,7 @@ class Camera:
 
     def __init__(self, height: int, width: int, span: float, pose: Pose | None = None) -> None:
         at = np.array([0.5 * span, 0.0, 0.0] if pose is None else pose[1])
-        place = at + AWAY_MM * np.array(TOWARDS_VIEWER) if pose is None else np.array(pose[0])
+        place = at + AWAY_MM * TOWARDS_VIEWER if pose is None else np.array(pose[0])
         ahead = at - place
         if not float((ahead[:2] ** 2).sum()) > 0.0:
             raise ValueError(f"a camera must look at another place, not straight down: {pose}")

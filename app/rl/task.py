@@ -13,7 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from app.anatomy import anatomy_named, read_anatomy
-from app.rl.picture import TOWARDS_VIEWER, Camera, Pose
+from app.rl.picture import Camera, Pose
 from app.simulation import (
     ALL_INSTRUMENTS,
     ELEMENTS,
@@ -23,6 +23,7 @@ from app.simulation import (
     INSTRUMENTS,
     MOST_OPENING,
     TICKS_PER_SECOND,
+    TOWARDS_VIEWER,
     Exercise,
     FreeLength,
     Instrument,
@@ -378,7 +379,7 @@ class Task:
         if pose is None and self.several:
             places = self.duct.tubes(elements=ELEMENTS).network.tubes.values()
             middle = np.concatenate([each.places for each in places]).mean(axis=0)
-            away = middle + AWAY_ANATOMY_MM * np.array(TOWARDS_VIEWER)
+            away = middle + AWAY_ANATOMY_MM * TOWARDS_VIEWER
             pose = tuple(away.tolist()), tuple(middle.tolist())
         return Camera(height, width, self.duct.beam.span, pose)
 

@@ -37,7 +37,7 @@ _OFF_FRACTION = 0.7
 # A line that has grown by more than this in being moved to the middle has lost its way.
 _LONGEST_GROWTH = 1.2
 
-_ALONG_ROWS = np.array([1.0, 0.0, 0.0])
+ALONG_ROWS = np.array([1.0, 0.0, 0.0])
 
 
 class NoTube(ValueError):  # noqa: N818
@@ -120,7 +120,7 @@ def _moved_to_middle(
 ) -> NDArray[np.float64]:
     """Return each point moved to the centroid of the section across the line there."""
     tangents = smooth_tangents(points, round(TANGENT_RADII * radius / gap))
-    frames = rotation_minimising_frames(points, tangents, _ALONG_ROWS)
+    frames = rotation_minimising_frames(points, tangents, ALONG_ROWS)
     nearest, depths = _nearest(path, points)
     middles = points.copy()
     for index, (point, frame) in enumerate(zip(points, frames, strict=True)):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from organ_geometry.reslice.centreline import TANGENT_RADII, Tube
+from organ_geometry.reslice.centreline import ALONG_ROWS, TANGENT_RADII, Tube
 from organ_geometry.reslice.curve_frames import rotation_minimising_frames, smooth_tangents
 
 # Planes are turned towards their neighbours, by fitting tangents over so many times the usual
@@ -22,8 +22,6 @@ _TURN_FACTORS = (1.0, 1.5, 2.0, 3.0)
 # a disc of the section's area: ovals three times as long as wide are just inside.
 _BESIDE_RADII = 1.8
 _MOST_VOXELS = 5000
-
-_ALONG_ROWS = np.array([1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +43,7 @@ def section_planes(
     tried: list[SectionPlanes] = []
     for factor in _TURN_FACTORS:
         tangents = smooth_tangents(points, round(factor * TANGENT_RADII * radius))
-        frames = rotation_minimising_frames(points, tangents, _ALONG_ROWS)
+        frames = rotation_minimising_frames(points, tangents, ALONG_ROWS)
         tried.append(_measured(tube, points, frames, depths))
         if tried[-1].crossing == 0:
             break

@@ -27,7 +27,8 @@ STILL_FRACTION = 1e-3
 ARRIVED_MM, ARRIVED_MM_PER_S = 1e-4, 1e-2
 """A hand nearer to its target and slower than this has arrived; then nothing is solved any more."""
 
-_DECAY = math.exp(-HAND_RATE * TICK_SECONDS)
+DECAY = math.exp(-HAND_RATE * TICK_SECONDS)
+"""e^(-r t) of a tick t, by which a hand comes to where it is led, r = HAND_RATE."""
 _SWING = SPRING_RATE * math.sqrt(1.0 - SPRING_DAMPING**2)
 _FADE = math.exp(-SPRING_DAMPING * SPRING_RATE * TICK_SECONDS)
 _COSINE, _SINE = math.cos(_SWING * TICK_SECONDS), math.sin(_SWING * TICK_SECONDS)
@@ -168,8 +169,8 @@ class Grasper:
         before, target = self.deflection, self.target_deflection
         away = before - target
         push = self.speed + HAND_RATE * away
-        after = target + (away + push * TICK_SECONDS) * _DECAY
-        speed = (self.speed - HAND_RATE * push * TICK_SECONDS) * _DECAY
+        after = target + (away + push * TICK_SECONDS) * DECAY
+        speed = (self.speed - HAND_RATE * push * TICK_SECONDS) * DECAY
         most = HAND_SPEED * TICK_SECONDS
         if abs(after - before) > most:
             speed = math.copysign(HAND_SPEED, after - before)

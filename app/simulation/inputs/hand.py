@@ -14,7 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.inputs.clock import TICK_SECONDS
-from app.simulation.inputs.grasper import ARRIVED_MM, ARRIVED_MM_PER_S, HAND_RATE, HAND_SPEED
+from app.simulation.inputs.grasper import (
+    ARRIVED_MM,
+    ARRIVED_MM_PER_S,
+    DECAY,
+    HAND_RATE,
+    HAND_SPEED,
+)
 from app.simulation.inputs.inputs import Instrument
 from kernel_cache import kernel
 
@@ -24,7 +30,6 @@ against a pull of 5 N (Heijnsdijk 2004, Surg Endosc 18:980, pig bowel), so 5 N x
 MEAN_PULL = 0.1
 """Part by which the mean pull nears that of a tick: a mean over 0.3 s."""
 
-_DECAY = math.exp(-HAND_RATE * TICK_SECONDS)
 _MOST = HAND_SPEED * TICK_SECONDS
 
 
@@ -40,8 +45,8 @@ def follow(
     for r in range(3):
         away = place[r] - target[r]
         push = speed[r] + HAND_RATE * away
-        place[r] = target[r] + (away + push * TICK_SECONDS) * _DECAY
-        speed[r] = (speed[r] - HAND_RATE * push * TICK_SECONDS) * _DECAY
+        place[r] = target[r] + (away + push * TICK_SECONDS) * DECAY
+        speed[r] = (speed[r] - HAND_RATE * push * TICK_SECONDS) * DECAY
         square += (place[r] - before[r]) ** 2
     far = math.sqrt(square)
     arrived = True

@@ -19,6 +19,8 @@ DUCT = "duct"
 """Name of the tube where there is one."""
 LINEAR_UP_TO = 0.3
 """Strength over modulus up to which every duct of the linear law breaks (docs/theory.md)."""
+THRESHOLD_RANGE = (0.25, 2.0)
+"""Smallest and largest threshold that may be set, in thresholds of the specimen itself."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from app.simulation.specimen.comparison import Ghost, GhostReading, SwingingChai
 from app.simulation.specimen.dissection import Dissection
 from app.simulation.specimen.drawn_duct import DrawnDuct
 from app.simulation.specimen.grasped_beam import BeamModel, GraspedBeam
-from app.simulation.specimen.specimen import Specimen
+from app.simulation.specimen.specimen import THRESHOLD_RANGE, Specimen
 from app.simulation.specimen.tear import Phase, Tear
 from app.simulation.tissue.reading import Reading, Vector
 from organ_geometry.mesh import Skin
@@ -28,8 +28,6 @@ from physics import BreakEvent, Cubic, NoEquilibrium, RuptureCheck, Theory
 HAND = TUBE = 0
 # Part of the span next to each clamp that the clamp's jaws keep from the grasper.
 GRASP_MARGIN = 0.1
-# Smallest and largest threshold, in thresholds of the preset.
-THRESHOLD_RANGE = (0.25, 2.0)
 
 
 class PlanarTissue:

@@ -42,7 +42,7 @@ from app.simulation.runs.run_file import (
 from app.simulation.specimen.dissection import Dissection
 from app.simulation.specimen.drawn_duct import DrawnDuct
 from app.simulation.specimen.preset import OrganBeam
-from app.simulation.specimen.specimen import Specimen
+from app.simulation.specimen.specimen import THRESHOLD_RANGE, Specimen
 from app.simulation.specimen.structures import entering_tubes, front_strands, named_structures
 from app.simulation.specimen.tear import SETTLED_SECONDS, Phase, tear_front, tear_swing
 from app.simulation.tissue.blades import Between, Blades
@@ -94,8 +94,6 @@ DIRECTION = (1e-9, 1e9)
 REACH = 60.0
 """mm beyond the duct's ends and to its sides that a hand can reach."""
 GAP_MM = 3.0  # between a free duct and where an empty dissector waits below it
-# Smallest and largest threshold, in thresholds of the preset.
-THRESHOLD_RANGE = (0.25, 2.0)
 BIN_MM, FREED_FRACTION = 1.0, 0.95
 """mm, and the part of a bin's strands that must have parted for its stretch to be free."""
 # A tick in which no node moves farther has reached equilibrium: no strand yields any more.

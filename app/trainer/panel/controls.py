@@ -9,9 +9,8 @@ from typing import Any, Generic, TypeVar
 
 import viser
 
+from app.trainer.stage.heat_map import KPA_PER_MPA as KPA_PER_MPA
 from app.trainer.viser_bridge.private_api import page_number
-
-KPA_PER_MPA = 1000.0
 
 
 def on_input(handle: Any, take: Callable[[Any], None]) -> None:

@@ -14,8 +14,9 @@ LEAN = np.array([0.40, 0.14, 0.90]) / np.linalg.norm([0.40, 0.14, 0.90])
 """Direction of the shaft."""
 LIFT_AFTER_TEAR = 2.5
 """Height of the hook above where the torn duct lay, in radii."""
+SHAFT_LENGTH = 320.0
+"""mm of an instrument that is drawn: out of every picture."""
 _NECK = 2.6
-_SHAFT_LENGTH = 320.0
 _PRESS = 0.15
 
 
@@ -43,7 +44,7 @@ def hook_glb(radius: float, *, detail: float = 1.0) -> bytes:
     taper = np.linspace(0.0, 1.0, 14)
     swelling = taper * taper * (3.0 - 2.0 * taper)
     ferrule = root + (7.0 * taper[:, None] - 1.0) * LEAN
-    steps = np.concatenate([[5.0, 5.3, 5.8], np.linspace(12.0, _SHAFT_LENGTH, 6)])
+    steps = np.concatenate([[5.0, 5.3, 5.8], np.linspace(12.0, SHAFT_LENGTH, 6)])
     shaft = root + steps[:, None] * LEAN
     return solids_glb(
         [

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from app.simulation import JAW_RADIUS, SWAB_RADIUS, TOWARDS_HAND, Hand, Instrument
 from app.trainer.stage.clamps import INSULATION, steel
 from app.trainer.stage.drawn import add_mesh, add_model
-from app.trainer.stage.hook import grip_solid, hook_glb
+from app.trainer.stage.hook import SHAFT_LENGTH, grip_solid, hook_glb
 from app.trainer.stage.lighting import Look
 from app.trainer.stage.solids import (
     Piece,
@@ -30,7 +30,6 @@ from app.trainer.viser_bridge.page import run_function
 from organ_geometry.mesh import Finish
 
 SHAFT_RADIUS = 2.25
-SHAFT_LENGTH = 320.0
 GRASPER_LEAN, DISSECTOR_LEAN = np.array([0.50, 0.22, 0.84]), np.array([0.72, -0.58, 0.38])
 # Ways of the shafts of the first hand's instruments, not of unit length.
 SWAB_LEAN = np.array([0.66, 0.0, 0.75])

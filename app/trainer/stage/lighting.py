@@ -6,6 +6,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.trainer.stage.tissue_bed import REFERENCE_SPAN
+
 Look = Literal["full", "plain"]
 """'plain' has no environment map and no normal map, for slow machines."""
 LookChoice = Literal["full", "plain", "auto"]
@@ -13,13 +15,12 @@ LookChoice = Literal["full", "plain", "auto"]
 
 _BACKGROUND = (10, 3, 4)
 _FOG = (2, 0, 0)  # the client takes fog colours for linear light: this is _BACKGROUND in sRGB
-_REFERENCE_SPAN = 50.8
 
 
 def lamp_position(span: float) -> NDArray[np.float64]:
     """Return the lamp's position, (3,) mm in stage coordinates."""
     return np.array([0.5 * span, 0.0, 0.0]) + np.array([-32.0, -30.0, 86.0]) * (
-        span / _REFERENCE_SPAN
+        span / REFERENCE_SPAN
     )
 
 
@@ -34,7 +35,7 @@ def light_stage(scene: viser.SceneApi, *, span: float, look: Look) -> None:
     scene.configure_environment_map("studio" if full else None, environment_intensity=0.29)
     scene.set_background_image(np.full((8, 8, 3), _BACKGROUND, np.uint8), format="png")
 
-    scale = span / _REFERENCE_SPAN
+    scale = span / REFERENCE_SPAN
     center = np.array([0.5 * span, 0.0, 0.0])
     lamp = lamp_position(span)
     aim = (center - lamp) / np.linalg.norm(center - lamp)
