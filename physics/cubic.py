@@ -63,13 +63,6 @@ class Cubic:
         stretching = 0.045 * q * beam.area * beam.modulus * beam.span * ratio**4
         return bending, stretching
 
-    def implied_q(self, beam: Beam, grasp: float, force: float, deflection: float) -> float:
-        """Return the q with which the cubic has a deflection under a force."""
-        if finite(deflection, "deflection", "mm") == 0.0:
-            raise ValueError("deflection must not be 0 mm: there every q is right")
-        k1, k3 = Cubic(q=1.0).stiffness(beam, grasp)
-        return (finite(force, "force", "N") - k1 * deflection) / (k3 * deflection**3)
-
     def pull(self, beam: Beam, grasp: float) -> "CubicPull":
         """Return a beam at rest, grasped at a distance from the first clamp, mm."""
         return CubicPull(self, beam, grasp)

@@ -170,11 +170,6 @@ class MassSpringChain:
         return -float(self._forces[self._grasped, 1])
 
     @property
-    def kinetic_energy(self) -> float:
-        """Energy of the moving masses, N mm."""
-        return 0.5 * float(self._mass @ (self._velocity**2).sum(axis=1))
-
-    @property
     def strain_energy(self) -> float:
         """Energy stored in the springs, N mm."""
         _, tension, moment, _ = self._carried()

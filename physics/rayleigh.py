@@ -240,11 +240,6 @@ class BentBeam:
         """How far bending draws the ends together (4.9), to second order in the slope, mm."""
         return 0.5 * self._squared(1)
 
-    @property
-    def coupling_energy(self) -> float:
-        """W_CN (4.8): work of the axial force along the shortening, N mm."""
-        return self.axial_force * self.shortening
-
     def deflection(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the (N,) deflections, mm, at places along the beam, mm."""
         return self._derivative(0, places)

@@ -31,14 +31,6 @@ def cantilever_compliance(crack: float, stiffness: float, bending: float) -> flo
     return crack**3 / (3.0 * bending) * (1.0 + 3.0 / la + 3.0 / la**2 + 1.5 / la**3)
 
 
-def crack_force(crack: float, toughness: float, stiffness: float, bending: float) -> float:
-    """Return the force at which the bed of a beam that sticks out of it parts further, N."""
-    # [Kanninen 1973]: half the square of the force times the change of compliance with a is G, so
-    # P = sqrt(2 EI G) / (a + 1/lambda).
-    reach = (4.0 * bending / stiffness) ** 0.25
-    return math.sqrt(2.0 * bending * toughness) / (crack + reach)
-
-
 def peel_force(angle: float, toughness: float, stretching: float) -> float:
     """Return the steady force that peels a strip off at an angle to what still holds, N."""
     # [Rivlin 1944], with the stretch of the arm [Kendall 1975]: F (1 - cos) + F^2 / (2 EA) = G.

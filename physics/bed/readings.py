@@ -248,19 +248,10 @@ class Readings:
         """(3,) force of the hand on a rod, N."""
         return self.state.pull[rod].copy()
 
-    def rod_contact(self, rod: int) -> Floats:
-        """(3,) the part of that force that presses the rod against the beam itself, N."""
-        return self.state.press[rod, :3].copy()
-
     def nicks_of(self, tube: str | None = None) -> tuple[Nick, ...]:
         """Return the tears that go part of the way through a tube."""
         name = self._rest.tube(tube).name
         return tuple(each for each in self._rest.nicks if each.tube == name)
-
-    @property
-    def stored_in_beam(self) -> float:
-        """Elastic energy of the beam alone, mJ."""
-        return float(self.state.sums[kernels.BEAM])
 
     @property
     def energy(self) -> EnergyBalance:

@@ -97,13 +97,18 @@ def test_fastest_swings_are_those_of_masses_in_opposite_phase() -> None:
     assert chain.highest_frequency == pytest.approx(math.hypot(along, across), rel=2e-3)
 
 
+def kinetic_energy(chain: MassSpringChain) -> float:
+    """Energy of the moving masses, N mm."""
+    return 0.5 * float(chain._mass @ (chain.velocities**2).sum(axis=1))
+
+
 def growth(chain: MassSpringChain, step: float, count: int) -> float:
     """How many times the energy of a chain, bent at random, grows; 1e30 once it is no number."""
     chain._moved[1:-1] = 1e-6 * np.random.default_rng(1).standard_normal((19, 2))
     before = chain.strain_energy
     with np.errstate(all="ignore"):
         chain.advance(step, count)
-        after = chain.strain_energy + chain.kinetic_energy
+        after = chain.strain_energy + kinetic_energy(chain)
     return min(after / before, 1e30) if math.isfinite(after) else 1e30
 
 
@@ -171,7 +176,7 @@ def test_undamped_leapfrog_keeps_its_energy() -> None:
     energies: list[float] = []
     for _ in range(200):
         chain.advance(step, math.ceil(0.5 * period / step))
-        energies.append((chain.strain_energy + chain.kinetic_energy) / start)
+        energies.append((chain.strain_energy + kinetic_energy(chain)) / start)
     assert energies == pytest.approx([1.0] * 200, abs=5e-3)
     assert np.mean(energies[:100]) == pytest.approx(np.mean(energies[100:]), abs=1e-3)
 
@@ -206,7 +211,7 @@ def test_a_damped_chain_swings_to_where_it_settles(integrator: Integrator) -> No
     swung = chain.places
     chain.settle()
     assert swung == pytest.approx(chain.places, abs=1e-6)
-    assert chain.kinetic_energy == 0.0
+    assert kinetic_energy(chain) == 0.0
 
 
 def test_a_held_grasp_is_led_and_then_let_go() -> None:

@@ -157,7 +157,7 @@ def test_a_tube_in_two_that_join_is_one() -> None:
             made.lead(node, made.rest_place(node) + 0.2 * step * np.array([1.0, 3.0, 8.0]))
             made.advance()
         assert abs(made.energy.residual) < 1e-4 * made.energy.work
-        found.append((made.hand_force(node).copy(), made.stored_in_beam))
+        found.append((made.hand_force(node).copy(), float(made.state.sums[k.BEAM])))
     assert found[1][0] == pytest.approx(found[0][0], abs=1e-9)
     assert found[1][1] == pytest.approx(found[0][1], rel=1e-9)
 

@@ -24,8 +24,9 @@ def beam(*supports: Support, degree: int = 4) -> RayleighBeam:
 
 
 def balanced(bent: BentBeam) -> None:
-    """(4.6) with (4.7): work = bending energy + coupling energy."""
-    assert bent.work == pytest.approx(bent.bending_energy + bent.coupling_energy, rel=1e-9)
+    """(4.6) with (4.7): work = bending energy + coupling energy (4.8)."""
+    coupling_energy = bent.axial_force * bent.shortening
+    assert bent.work == pytest.approx(bent.bending_energy + coupling_energy, rel=1e-9)
 
 
 def test_cantilever_under_an_end_load() -> None:

@@ -34,6 +34,11 @@ def on_rod(beam: SpaceBeam, x: float, z: float, radius: float) -> BeamOnBed:
     return live
 
 
+def pressing(live: BeamOnBed) -> np.ndarray:
+    """(3,) the part of the hand's force that presses the rod against the beam itself, N."""
+    return live.state.press[0, :3]
+
+
 def indentation_force(depth: float, apart: float) -> float:
     """Force of a rod across a straight rigid duct, `depth` beyond the distance of touch."""
     # The integral of K (D - s) (D - depth)/s along the duct, s^2 = x^2 + (D - depth)^2.
@@ -50,7 +55,7 @@ def test_a_rod_pressed_on_a_rigid_duct(depth: float) -> None:
     live.advance()
     # An element is a twentieth of the length in touch at least, which begins or ends within one.
     assert live.rod_force(0)[2] == pytest.approx(-indentation_force(depth, 3.0), rel=3e-3)
-    assert live.rod_contact(0) == pytest.approx(live.rod_force(0), abs=1e-12)
+    assert pressing(live) == pytest.approx(live.rod_force(0), abs=1e-12)
 
 
 @pytest.mark.parametrize("force", [0.02, 0.1])
@@ -209,11 +214,11 @@ def test_a_rod_is_held_back_where_no_hand_could_press_so_hard(
         live.lead_rod(0, (25.4, FAR, begin + direction * now / ticks))
         live.tick(1e-3)
         # What a hand can, and by how much more the last part of a way presses.
-        assert np.abs(live.rod_contact(0)).max() < 300.0
+        assert np.abs(pressing(live)).max() < 300.0
     live.tick(0.2, ticks=200)
     x, _, z = live.state.rods[0, :3].tolist()
     # The bed below it would answer with 60 N.
-    pressed = float(np.sqrt((live.rod_contact(0) ** 2).sum()))
+    pressed = float(np.sqrt((pressing(live) ** 2).sum()))
     assert pressed < 1.1 * kernels.HELD_BACK
     assert z == pytest.approx(begin + direction, abs=1e-12) or pressed > 0.9 * kernels.HELD_BACK
     assert turns(live, x, z) == side
@@ -251,7 +256,7 @@ def test_contact_within_the_penalty_is_as_it_was(direction: Callable[[BeamOnBed]
     live = on_rod(SpaceBeam.of(DUCT, elements=40), 25.4, 6.0, 1.2)
     live.lead_rod(0, (25.4, FAR, 4.0))
     direction(live)
-    assert live.rod_contact(0)[2] < -0.1
+    assert pressing(live)[2] < -0.1
     assert live.state.sums[kernels.CLEAR] == pytest.approx(
         0.4 * 0.5 * (0.5 * 8.89 + 1.2), rel=1e-12
     )
