@@ -142,8 +142,8 @@ def _led_through(strands: Strands, tubes: dict[str, SpaceBeam]) -> NDArray[np.bo
         stations: Floats = np.linspace(0.0, beam.span, 1 + math.ceil(beam.span / STATION_MM))
         axis, radius = beam.places_at(stations)[0], np.interp(stations, beam.stations, beam.radius)
         off = axis - strands.ends[others, np.newaxis]  # (S, n, 3)
-        part = (off * path).sum(axis=2) / (path**2).sum(axis=2)
-        off -= np.clip(part, *ALONG_STRAND)[:, :, np.newaxis] * path
+        fraction = (off * path).sum(axis=2) / (path**2).sum(axis=2)
+        off -= np.clip(fraction, *ALONG_STRAND)[:, :, np.newaxis] * path
         out[others] |= ((off**2).sum(axis=2) < radius**2).any(axis=1)
     return out
 

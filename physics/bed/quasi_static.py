@@ -188,7 +188,7 @@ def advance(
         size = min(size, largest, 1.0 - done)
         if size * farthest > s.sums[kernels.CLEAR]:  # nor past the beam
             _set_goals(s, done)
-            s.way[:] = s.rods_to[:, :3] - s.rods[:, :3]
+            s.rods_step[:] = s.rods_to[:, :3] - s.rods[:, :3]
             clear = kernels.rods_clear_of(s, size / (1.0 - done)) * (1.0 - done)
             if clear < SHORTEST:
                 raise NoEquilibrium("a rod would have to pass through the beam to go on")

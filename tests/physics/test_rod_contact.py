@@ -293,13 +293,13 @@ def test_a_short_rod_is_the_same_from_both_ends_and_nothing_past_them(length: fl
         BeamOnBed(beam, layer.strands_under(beam), floor=layer.floor_under(beam), rods=1)
         for _ in range(2)
     ]
-    ways = ((np.zeros(3), u), (length * u, -u))
-    for live, (offset, direction) in zip(lives, ways, strict=True):
+    ends = ((np.zeros(3), u), (length * u, -u))
+    for live, (offset, direction) in zip(lives, ends, strict=True):
         live.set_rod(0, path[0] + offset, direction.tolist(), 0.6, length)
     touched = 0
     for before, after in pairwise(path):
         for fraction in np.linspace(0.0, 1.0, 60)[1:]:
-            for live, (offset, _) in zip(lives, ways, strict=True):
+            for live, (offset, _) in zip(lives, ends, strict=True):
                 live.lead_rod(0, before + fraction * (after - before) + offset)
                 live.tick(1e-3)
             one, other = lives

@@ -187,8 +187,8 @@ def test_no_tube_passes_another_at_any_speed(
     place = made.places[node].copy()
     seconds = 1.0 / 240.0
     through = False
-    for way in (-1.0, 1.0):
-        goal = place + 16.0 * np.array([*aside, -1.0]) * (way < 0.0)
+    for sign in (-1.0, 1.0):
+        goal = place + 16.0 * np.array([*aside, -1.0]) * (sign < 0.0)
         start = made.state.goal[node].copy()
         ticks = math.ceil(float(np.linalg.norm(goal - start)) / (speed * seconds))
         for now in range(1, ticks + 1):

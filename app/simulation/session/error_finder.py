@@ -84,7 +84,7 @@ class _Limits(NamedTuple):
     stab: float  # mm/s
     press: float  # N
     lost_pull: float  # N
-    lost_part: float
+    lost_fraction: float
     lost_down: float  # mm
     angle: float  # degrees
     leaning_pull: float  # N
@@ -110,7 +110,7 @@ class _Limits(NamedTuple):
             stab=limits["blind_stab"]["speed"],
             press=limits["instrument_on_wall"]["least"],
             lost_pull=lost["pull"],
-            lost_part=lost["part"],
+            lost_fraction=lost["fraction"],
             lost_down=lost["down"],
             angle=leaning["angle"],
             leaning_pull=leaning["pull"],
@@ -502,7 +502,7 @@ class ErrorFinder:
         after = round(limits["seconds"] / TICK_SECONDS)
         while self._clipped and incidents.tick - self._clipped[0][0] >= after:
             _, before, clip = self._clipped.pop(0)
-            if rates[clip.tube] > limits["part"] * before:
+            if rates[clip.tube] > limits["fraction"] * before:
                 tube = self._duct.tubes.names.index(clip.tube)
                 incidents.note(
                     "clip_astray", clip.hand, clip.station, tube=tube, x=clip.station,
@@ -552,7 +552,7 @@ class ErrorFinder:
             tube, node = pressed
             ratio = press * duct.tubes.press_stresses[tube][node] / duct.strengths[tube]
             on_wall = limits["instrument_on_wall"]
-            hard = ratio > on_wall["part"]
+            hard = ratio > on_wall["fraction"]
             if self._several:  # what strains a vessel is an error of its own
                 near = duct.stress_ratios[tube] > on_wall["near"]
                 hard = hard and near and tube not in self._vessels
@@ -693,7 +693,9 @@ def _look_at_hold(
     """Judge a hold at a height, mm, where strands are being parted by the other hand or not."""
     size, most = row[SIZE], row[MOST]
     down = row[HIGHEST] - height
-    lost = most > limits.lost_pull and size < limits.lost_part * most and down > limits.lost_down
+    lost = (
+        most > limits.lost_pull and size < limits.lost_fraction * most and down > limits.lost_down
+    )
     row[LOST] = dissected and lost
     if size <= limits.pull:
         return

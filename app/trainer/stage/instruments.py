@@ -31,7 +31,7 @@ from organ_geometry.mesh import Finish
 
 SHAFT_RADIUS = 2.25
 GRASPER_LEAN, DISSECTOR_LEAN = np.array([0.50, 0.22, 0.84]), np.array([0.72, -0.58, 0.38])
-# Ways of the shafts of the first hand's instruments, not of unit length.
+# Directions of the shafts of the first hand's instruments, not of unit length.
 SWAB_LEAN = np.array([0.66, 0.0, 0.75])
 # Height of a grasper's hinge over the duct's axis, in radii.
 HINGE = 2.7
@@ -173,7 +173,7 @@ def grasper_shaft_glb(radius: float, mirrored: bool, *, detail: float = 1.0) -> 
 def swab_glb(
     axis: tuple[float, float, float], radius: float, mirrored: bool, *, detail: float = 1.0
 ) -> bytes:
-    """Return a swab whose ball ends at the origin, mm, and lies `way` back from there."""
+    """Return a swab whose ball ends at the origin, mm, and lies back along `axis` from there."""
     back = np.array(axis) / np.linalg.norm(axis)
     along = np.linspace(0.0, 1.0, 24)
     path = (0.02 + BALL * radius * along)[:, None] * back
@@ -259,7 +259,7 @@ def _leaning(lean: NDArray[np.float64], mirrored: bool) -> NDArray[np.float64]:
 
 
 def _across(axis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (2, 3) unit vectors at right angles to a way and to one another."""
+    """Return (2, 3) unit vectors at right angles to a direction and to one another."""
     side = np.cross(axis, (1.0, 0.0, 0.0))
     side /= np.linalg.norm(side)
     return np.stack([side, np.cross(axis, side)])

@@ -24,7 +24,7 @@
   // Where the hook's wire keeps the light out. p is in the hook's frame: the wire is bent around x.
   const HOOK_SHADE = `
     uniform vec4 hook;  // bend, wire, where its tip is, and whether there is one
-    uniform vec3 lampWay;
+    uniform vec3 lampDirection;
     float apartFromWire(vec3 p) {
       float turn = atan(-p.z, -p.y);
       turn = turn < -1.5708 ? turn + 6.2832 : turn;
@@ -36,11 +36,11 @@
       float touching = smoothstep(0.0, 1.5 * hook.y, apartFromWire(p) + 0.25 * hook.y);
       // Towards the lamp, at the height where the wire would be.
       float thrown = smoothstep(-0.3 * hook.y, 0.7 * hook.y,
-        apartFromWire(p + lampWay * 1.6 * hook.y));
+        apartFromWire(p + lampDirection * 1.6 * hook.y));
       return mix(0.3, 1.0, touching) * mix(0.5, 1.0, thrown);
     }`;
   const shared = {
-    hookInverse: { value: null }, hook: { value: [1, 1, 0, 0] }, lampWay: { value: [0, 0, 1] },
+    hookInverse: { value: null }, hook: { value: [1, 1, 0, 0] }, lampDirection: { value: [0, 0, 1] },
     bedInverse: { value: null }, lamp: { value: [0, 0, 1e3] }, reach: { value: [0, 1, 1] },
     axis: { value: new Float32Array(4 * 32) }, shaft: { value: [0, 0, 1] },
     hookAt: { value: [0, 0, -1e3] }, stressed: { value: 0 },
@@ -416,12 +416,12 @@
         stress: { ...wear.stress, table: numbers(wear.stress.table) },
       });
     },
-    stage({ lamp, radius, bend, wire, tip, shaft, lampWay }) {
+    stage({ lamp, radius, bend, wire, tip, shaft, lampDirection }) {
       shared.lamp.value = lamp;
       shared.reach.value[2] = radius;
       shared.hook.value = [bend, wire, tip, 1];
       shared.shaft.value = shaft;
-      shared.lampWay.value = lampWay;
+      shared.lampDirection.value = lampDirection;
     },
     undress(name) {
       const dressed = surfaces.get(name);

@@ -70,7 +70,7 @@ def light_surfaces(
         "wire": wire_radius(radius),
         "tip": TIP_ANGLE,
         "shaft": LEAN.tolist(),
-        "lampWay": towards_lamp.tolist(),
+        "lampDirection": towards_lamp.tolist(),
     }
     run_module(scene, SCRIPT, "bluntdissectSurfaces.stage", light)
 

@@ -48,7 +48,7 @@ NEARER, NEAREST = 0.4, 0.05
 
 @inner
 def approach(x: Floats, i: int, j: int, rod: Floats) -> tuple[float, bool, Three]:
-    """Return where from node i (0) to j (1) a rod is nearest, whether past an end, the way."""
+    """Return where from node i (0) to j (1) a rod is nearest, whether past an end, its path."""
     tip = (rod[TIP], rod[TIP + 1], rod[TIP + 2])
     u = (rod[SHAFT], rod[SHAFT + 1], rod[SHAFT + 2])
     w = (x[i, 0] - tip[0], x[i, 1] - tip[1], x[i, 2] - tip[2])
@@ -171,19 +171,19 @@ def clear_of_rods(
 
 @inner
 def lead_rods(s: State, fraction: float) -> None:
-    """Write the rods' ways to their targets, of which they are to go a fraction."""
+    """Write the rods' steps to their targets, of which they are to go a fraction."""
     for m in range(s.rods.shape[0]):
         for r in range(3):
-            s.way[m, r] = s.rods_to[m, TIP + r] - s.rods[m, TIP + r]
+            s.rods_step[m, r] = s.rods_to[m, TIP + r] - s.rods[m, TIP + r]
         p = (s.press[m, 0], s.press[m, 1], s.press[m, 2])
         size = math.sqrt(dot(p, p))
         if size <= HELD_FROM * HELD_BACK:
             continue
         most = (HELD_BACK - size) / (fraction * s.press[m, 3])
-        too_far = dot(p, (s.way[m, 0], s.way[m, 1], s.way[m, 2])) / size - most
+        too_far = dot(p, (s.rods_step[m, 0], s.rods_step[m, 1], s.rods_step[m, 2])) / size - most
         if too_far > 0.0:
             for r in range(3):
-                s.way[m, r] -= too_far / size * p[r]
+                s.rods_step[m, r] -= too_far / size * p[r]
 
 
 @outer
@@ -202,12 +202,12 @@ def nearest_core(s: State, rod: Floats) -> float:
 
 @outer
 def rods_clear_of(s: State, fraction: float) -> float:
-    """Return the part of the rods' ways, at most `fraction`, that is clear."""
+    """Return the part of the rods' steps, at most `fraction`, that is clear."""
     # 0 where a rod is as near to an element as it can come and would have to go nearer.
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] == 0.0:
             continue
-        to = (s.way[m, 0], s.way[m, 1], s.way[m, 2])
+        to = (s.rods_step[m, 0], s.rods_step[m, 1], s.rods_step[m, 2])
         for element in range(s.h.size):
             if s.stiff[element, 0] == 0.0:
                 continue

@@ -133,7 +133,7 @@ class State(NamedTuple):
     load_to: Floats
     rods_from: Floats
     rods_to: Floats
-    way: Floats  # (M, 3) of rods to there, mm, less what their hands have not the force for
+    rods_step: Floats  # (M, 3) of rods to there, mm, less what their hands have not the force for
     hold: Floats
     cross: Floats  # (6, 6) the block of the pair of nodes that is summed
     react: Floats  # (N, 3) forces of hands that hold, N

@@ -36,13 +36,13 @@ MOST_SUBSTEPS = 4096
 
 @inlined
 def safe_rods_fraction(s: State, fraction: float) -> float:
-    """Return the part of the rods' ways, at most `fraction`, to go at once."""
+    """Return the part of the rods' steps, at most `fraction`, to go at once."""
     lead_rods(s, fraction)
     longest, thinnest = 0.0, math.inf
     for m in range(s.rods.shape[0]):
         if s.rods[m, IN_USE] != 0.0:
-            way = (s.way[m, 0], s.way[m, 1], s.way[m, 2])
-            longest = max(longest, math.sqrt(dot(way, way)))
+            path = (s.rods_step[m, 0], s.rods_step[m, 1], s.rods_step[m, 2])
+            longest = max(longest, math.sqrt(dot(path, path)))
             thinnest = min(thinnest, s.rods[m, RADIUS])
     if fraction * longest > thinnest:  # it might jump over a strand
         fraction = thinnest / longest
@@ -67,7 +67,7 @@ def advance(
             s.load[n, r] += fraction * (s.load_to[n, r] - s.load[n, r])
     for m in range(s.rods.shape[0]):
         for r in range(3):
-            s.rods[m, TIP + r] += rods_fraction * s.way[m, r]
+            s.rods[m, TIP + r] += rods_fraction * s.rods_step[m, r]
     account(s, int(RELAXED), relaxation)
     if s.memory.shape[1] or s.wall_memory.shape[1]:
         settle(s, seconds)

@@ -146,13 +146,13 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ),
         ErrorClass(
             "clip_astray", "Clipped where it stops nothing", 9,
-            "`seconds` after a clip on a tube that bleeds, more than `part` of what flowed out of "
-            "it still does",
+            "`seconds` after a clip on a tube that bleeds, more than `fraction` of what flowed out "
+            "of it still does",
             "at {t:.1f} s your clip on the {name} at {x:.0f} mm had stopped nothing",
             "Look which end bleeds, and clip between it and where the blood comes from.",
             (
                 Parameter("seconds", "s", 0.5, "two reaction times"),
-                Parameter("part", "", 0.9, "a choice: a clip on one of two ways in stops more"),
+                Parameter("fraction", "", 0.9, "a choice: a clip on one of two ways in stops more"),
             ),
         ),
         ErrorClass(
@@ -357,13 +357,13 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "traction_lost", "Traction lost while dissecting", 2,
             "strands yield on an instrument while the other hand has let the duct down by more "
             "than `down`; its hold has pulled with more than `pull`, and now has less than "
-            "`part` of that; not at an anatomy",
+            "`fraction` of that; not at an anatomy",
             "at {t:.1f} s the hold had gone from {most:.1f} to {f:.1f} N while the other hand "
             "dissected",
             "Keep the duct taut.",
             (
                 Parameter("pull", "N", 0.5, "a choice"),
-                Parameter("part", "", 0.3, "a choice"),
+                Parameter("fraction", "", 0.3, "a choice"),
                 Parameter("down", "mm", 1.0, "more than a hand that holds still trembles"),
             ),
         ),
@@ -392,13 +392,13 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "instrument_on_wall", "Pressed on the wall itself", 7,
             "for 0.13 s a jaw or swab presses on a tube that does not bleed with more than `least` "
-            "and `part` of what breaks it; at an anatomy on no vessel, and while that tube's wall "
-            "is at more than `near` of its break",
+            "and `fraction` of what breaks it; at an anatomy on no vessel, and while that tube's "
+            "wall is at more than `near` of its break",
             "at {t:.1f} s the {tool} pressed on {what} with {f:.1f} N",
             "Press on no wall: lead the instrument aside, to where only strands are.",
             (
                 Parameter(
-                    "part", "", 0.1,
+                    "fraction", "", 0.1,
                     "a choice. The stress is that of a point load on a beam on an elastic "
                     "foundation, the strands (Hetenyi 1946): 0.46 N on the thesis's duct in the "
                     "bed *normal*, which a push there lifts to 0.09 of its break",
