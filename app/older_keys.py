@@ -9,6 +9,8 @@ PRESENT = {
     "from_share": "from_fraction",
     "grasp_share": "grasp_fraction",
     "part_mm": "failure_mm",
+    "rate_ml_s": "rate_ml_per_s",
+    "speed_mm_s": "speed_mm_per_s",
     "stiffness_N_mm": "stiffness_N_per_mm",
     "stiffness_N_mm2": "stiffness_N_per_mm2",
     "stiffness_kPa_mm": "stiffness_kPa_per_mm",

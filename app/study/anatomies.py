@@ -132,5 +132,5 @@ def _pull(numbers: dict[str, float]) -> Step:
     direction = level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)
     x, y, z = (far * each for each in direction)
     return Step(
-        do="lead", by_mm=(x, y, z), speed_mm_s=numbers.get("speed_mm_s", SPEED), stop_at=1.0
+        do="lead", by_mm=(x, y, z), speed_mm_per_s=numbers.get("speed_mm_per_s", SPEED), stop_at=1.0
     )

@@ -94,7 +94,7 @@ ANATOMY_INPUTS: dict[str, Input] = {
     "anatomy.pull_mm": Input("mm", 1e-2, 500.0),
     "anatomy.azimuth_deg": Input("deg", -360.0, 360.0),
     "anatomy.elevation_deg": Input("deg", -90.0, 90.0),
-    "anatomy.speed_mm_s": Input("mm/s", 0.1, 1e3),
+    "anatomy.speed_mm_per_s": Input("mm/s", 0.1, 1e3),
     "anatomy.modulus_factor": Input("", 1e-2, 1e2),
     "anatomy.strength_factor": Input("", 1e-2, 1e2),
     "anatomy.toughness_factor": Input("", 1e-2, 1e2),

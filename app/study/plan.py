@@ -448,7 +448,7 @@ def _check_anatomy(plan: Plan, given: set[str], lines: _Lines) -> None:
     pull = [name for name in PULL if ANATOMY + name in given]
     if ("anatomy.script" in given) == bool(pull) or len(pull) not in (0, len(PULL)):
         raise lines.wrong("anatomy", f"needs either script, or all of {', '.join(PULL)}")
-    for name in ("azimuth_deg", "elevation_deg", "speed_mm_s"):
+    for name in ("azimuth_deg", "elevation_deg", "speed_mm_per_s"):
         if not pull and ANATOMY + name in given:
             raise lines.wrong(_place(plan, ANATOMY + name), "goes with a pull, not with a script")
     if plan.seed + plan.samples > MOST_CASE:

@@ -344,13 +344,16 @@ BAD = {
     "lead twice": ('[[step]]\ndo = "lead"\nto_mm = [0,0,0]\nby_mm = [0,0,0]', "needs one of"),
     "lead to nan": ('[[step]]\ndo = "lead"\nto_mm = [nan, 0, 0]', "three finite numbers"),
     "two numbers": ('[[step]]\ndo = "lead"\nto_mm = [0, 0]', "to_mm|length 3"),
-    "no speed": ('[[step]]\ndo = "lead"\nto_mm = [0,0,0]\nspeed_mm_s = 0', "speed_mm_s must be"),
+    "no speed": (
+        '[[step]]\ndo = "lead"\nto_mm = [0,0,0]\nspeed_mm_per_s = 0',
+        "speed_mm_per_s must be",
+    ),
     "no instrument": ('[[step]]\ndo = "take"', "needs instrument"),
     "unknown instrument": ('[[step]]\ndo = "take"\ninstrument = "laser"', "laser"),
     "no direction": ('[[step]]\ndo = "aim"', "needs direction"),
     "zero direction": ('[[step]]\ndo = "aim"\ndirection = [0,0,0]', "must not be 0, 0, 0"),
     "jaws shut too far": ('[[step]]\ndo = "open"\nopening_mm = -1', "opening_mm must be"),
-    "blowing": ('[[step]]\ndo = "suck"\nrate_ml_s = -1', "rate_ml_s must be"),
+    "blowing": ('[[step]]\ndo = "suck"\nrate_ml_per_s = -1', "rate_ml_per_s must be"),
     "empty step": ("[[step]]\nhand = 1", "needs either do"),
     "repeated nowhere": ('[[step]]\n[[step.step]]\ndo = "release"', "needs each_mm"),
     "far away": ('[[step]]\ndo = "lead"\nto_mm = [1e300, 0, 0]', "step 1: to_mm must be"),
@@ -389,6 +392,18 @@ def test_a_bad_script_is_refused_in_one_sentence(name: str, tmp_path: Path) -> N
         performed(read_script(path), _untouched())
     assert "\n" not in str(raised.value)
     assert not _untouched().run.started
+
+
+def test_older_keys_of_a_script_are_read(tmp_path: Path) -> None:
+    present = SCRIPTS / "clip-and-divide.toml"
+    older = tmp_path / "older.toml"
+    suck = '[[step]]\ndo = "suck"\nrate_ml_per_s = 10\n'
+    content = present.read_text() + suck
+    older.write_text(content.replace("_per_s", "_s"))
+    script = read_script(older)
+    assert script.step[:-1] == read_script(present).step
+    assert script.step[-1].rate_ml_per_s == 10
+    assert {each.speed_mm_per_s for step in script.step for each in step.step} >= {15, 30, 60}
 
 
 def test_the_command_refuses_a_bad_script_and_a_bad_anatomy(tmp_path: Path) -> None:

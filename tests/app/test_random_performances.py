@@ -59,7 +59,7 @@ def held(draw: st.DrawFn) -> list[Step]:
         Step(do="take", hand=hand, instrument=draw(st.sampled_from(HOLDING))),
         Step(do="grab", hand=hand, tube=tube, at_mm=draw(numbers(0.0, SPANS[tube]))),
         *(
-            Step(do="lead", hand=hand, by_mm=offset, speed_mm_s=draw(speeds))
+            Step(do="lead", hand=hand, by_mm=offset, speed_mm_per_s=draw(speeds))
             for offset in draw(st.lists(offsets, min_size=1, max_size=3))
         ),
     ]
@@ -76,14 +76,14 @@ def parted(draw: st.DrawFn) -> list[Step]:
         "open": Step(do="open", hand=hand, opening_mm=opening),
         "clip": Step(do="clip", hand=hand),
         "divide": Step(do="divide", hand=hand),
-        "suck": Step(do="suck", hand=hand, rate_ml_s=10.0),
+        "suck": Step(do="suck", hand=hand, rate_ml_per_s=10.0),
     }
     return [
         Step(do="take", hand=hand, instrument=instrument),
         Step(do="aim", hand=hand, direction=draw(directions)),
         Step(do="spread", hand=hand, direction=draw(directions)),
-        Step(do="lead", hand=hand, to_mm=draw(places), speed_mm_s=60),
-        Step(do="lead", hand=hand, to_mm=draw(places), speed_mm_s=draw(speeds)),
+        Step(do="lead", hand=hand, to_mm=draw(places), speed_mm_per_s=60),
+        Step(do="lead", hand=hand, to_mm=draw(places), speed_mm_per_s=draw(speeds)),
         *(deeds[each] for each in ends),
     ]
 

@@ -193,7 +193,7 @@ def test_an_anatomy_relaxes_as_its_layers_and_walls_do_and_plays_again(tmp_path:
 step = [
   { do = "take", instrument = "grasper" },
   { do = "grab", tube = "gallbladder", at_mm = 8.0 },
-  { do = "lead", by_mm = [1.0, 3.4, 3.1], speed_mm_s = 8 },
+  { do = "lead", by_mm = [1.0, 3.4, 3.1], speed_mm_per_s = 8 },
   { do = "wait", seconds = 10 },
 ]
 """)

@@ -196,7 +196,7 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         # A wall near its break is named in the picture and in the panel, until it is let go.
         warning = tab.page.locator(".bd-scope-warning")
         expect(warning).to_be_hidden()
-        lift = Step(do="lead", by_mm=(0.0, 0.0, 12.0), speed_mm_s=8.0, stop_at=0.92)
+        lift = Step(do="lead", by_mm=(0.0, 0.0, 12.0), speed_mm_per_s=8.0, stop_at=0.92)
         with view.session.lock:
             performed(Script(step=[Step(do="grab", tube="artery", at_mm=12.0), lift]), view.session)
         expect(warning).to_have_text(re.compile("^cystic artery: over [89][05] % of its break$"))

@@ -567,6 +567,11 @@ def test_a_study_of_anatomies_says_what_tears_first_and_goes_on_where_it_was(
     ).read_bytes()
 
 
+def test_an_older_key_of_a_pull_is_read(tmp_path: Path) -> None:
+    plan = read_plan(cases(tmp_path, PULL + "\nspeed_mm_s = 5.0"))
+    assert list(plan.values_of("anatomy.speed_mm_per_s")) == [5.0]
+
+
 def test_a_script_is_put_to_an_anatomy_whose_strands_each_seed_scatters(tmp_path: Path) -> None:
     (tmp_path / "pull.toml").write_text(
         'step = [{ do = "take", instrument = "grasper" }, { do = "grab", tube = "cystic", at_mm = '

@@ -50,8 +50,8 @@ LOOK_TICKS = 5
 """Ticks after which the common duct is looked at again, whether it is tented."""
 NEEDED: dict[Do, tuple[str, ...]] = {
     "take": ("instrument",), "grab": ("tube", "at_mm"), "open": ("opening_mm",),
-    "aim": ("direction",), "spread": ("direction",), "suck": ("rate_ml_s",), "wait": ("seconds",),
-    "mark": ("structure", "tube", "at_mm"),
+    "aim": ("direction",), "spread": ("direction",), "suck": ("rate_ml_per_s",),
+    "wait": ("seconds",), "mark": ("structure", "tube", "at_mm"),
 }  # fmt: skip
 
 
@@ -74,9 +74,9 @@ class Step(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     off_radii: Point = (0, 0, 0)  # in the tube's outer radii there
     direction: Point | None = None
     opening_mm: Number | None = None
-    rate_ml_s: Number | None = None
+    rate_ml_per_s: Number | None = None
     seconds: Number | None = None
-    speed_mm_s: Number | None = None
+    speed_mm_per_s: Number | None = None
     stop_at: Number | None = None  # largest stress over strength from which on it goes no farther
     each_mm: list[Number] | None = None
     each_place_mm: list[Point] | None = None
@@ -219,11 +219,11 @@ class _Hands:
                     f"{step.at_mm}"
                 )
         numbers = {
-            "speed_mm_s": step.speed_mm_s, "seconds": step.seconds, "stop_at": step.stop_at,
-            "opening_mm": step.opening_mm, "rate_ml_s": step.rate_ml_s,
+            "speed_mm_per_s": step.speed_mm_per_s, "seconds": step.seconds, "stop_at": step.stop_at,
+            "opening_mm": step.opening_mm, "rate_ml_per_s": step.rate_ml_per_s,
         }  # fmt: skip
         for key, value in numbers.items():
-            low = 0.0 if key in ("opening_mm", "rate_ml_s") else 1e-3
+            low = 0.0 if key in ("opening_mm", "rate_ml_per_s") else 1e-3
             if value is not None and not low <= value <= MOST_SECONDS:
                 raise ValueError(
                     f"{name}: {key} must be from {low:g} to {MOST_SECONDS:g}, got {value}"
@@ -258,7 +258,7 @@ class _Hands:
             given = self._in_frame(step, step.direction or (0, 0, 0))
             (session.aim if step.do == "aim" else session.spread)(hand, given.tolist())
         elif step.do == "suck":
-            session.suck(hand, float(step.rate_ml_s or 0.0))
+            session.suck(hand, float(step.rate_ml_per_s or 0.0))
         elif step.do == "clip":
             before = self.safety.critical_view()
             done = session.clip(hand)
@@ -274,7 +274,7 @@ class _Hands:
             self._go(round(float(step.seconds or 0.0) / TICK_SECONDS), step)
         elif step.do == "open":
             wanted, first = float(step.opening_mm or 0.0), holder.opening
-            for fraction in self._fractions(abs(wanted - first), step.speed_mm_s or JAWS_SPEED):
+            for fraction in self._fractions(abs(wanted - first), step.speed_mm_per_s or JAWS_SPEED):
                 session.open_jaws(hand, first + (wanted - first) * fraction)
                 if self._tick(step):
                     session.open_jaws(hand, holder.opening)
@@ -297,7 +297,7 @@ class _Hands:
         else:
             goal = first + np.array(step.by_mm, dtype=np.float64)
         far = math.sqrt(float(((goal - first) ** 2).sum()))
-        for fraction in self._fractions(far, step.speed_mm_s or SPEED):
+        for fraction in self._fractions(far, step.speed_mm_per_s or SPEED):
             self.session.move_hand(hand, first + (goal - first) * fraction)
             if self._tick(step):
                 self.session.move_hand(hand, holder.place)
