@@ -20,6 +20,7 @@ from app.simulation import (
     Incident,
     Metrics,
     cause_of,
+    read_incidents,
     renamed_metrics,
 )
 
@@ -63,7 +64,7 @@ class Try(msgspec.Struct, frozen=True):
             passed=run.passed is True,
             reason=run.reason or "It was given up.",
             seconds=float(metrics["time_s"]),
-            incidents=tuple(msgspec.json.decode(run.incidents or "[]", type=list[Incident])),
+            incidents=tuple(read_incidents(run.incidents)),
             metrics=metrics,
         )
 

@@ -27,7 +27,7 @@ from app.classroom.photograph import kind_of
 from app.classroom.results import Result, flat_measures, results, shown_names
 from app.classroom.store import ClassStore, RunRecord
 from app.classroom.xapi import run_statements
-from app.simulation import ERROR_CLASSES, METRICS, MODES, Incident, read_run, run_json
+from app.simulation import ERROR_CLASSES, METRICS, MODES, read_incidents, read_run, run_json
 from app.versions import versions
 from organ_geometry import make_folder, write_atomic
 
@@ -306,7 +306,7 @@ def _attempts(
         )
         task = run.level or (f"exercise-{run.assignment_id}" if run.assignment_id else goal)
         numbers[task] += 1
-        found = msgspec.json.decode(run.incidents or "[]", type=list[Incident])
+        found = read_incidents(run.incidents)
         row: Row = {
             "person": person,
             "attempt": run.id,

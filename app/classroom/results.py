@@ -12,7 +12,7 @@ import msgspec
 
 from app.classroom.exercise_file import AssignedExercise
 from app.classroom.store import ClassStore, Person, RunRecord
-from app.simulation import ERROR_CLASSES, Incident, cause_of, renamed_metrics
+from app.simulation import ERROR_CLASSES, cause_of, read_incidents, renamed_metrics
 
 Word = Literal["passed", "failed", "given up", "not finished", "free", "torn"]
 
@@ -47,7 +47,7 @@ class Result:
     @property
     def cause(self) -> str:
         """The error class that a try which was not passed is put down to, or nothing."""
-        incidents = msgspec.json.decode(self.run.incidents or "[]", type=list[Incident])
+        incidents = read_incidents(self.run.incidents)
         cause = None if self.run.passed else cause_of(incidents, self.seconds)
         return "" if cause is None else cause.error
 

@@ -16,7 +16,7 @@ import msgspec
 from app.classroom.course import Course
 from app.classroom.progress import LevelStanding
 from app.classroom.store import RunRecord, Statement
-from app.simulation import ERROR_CLASSES, METRICS, Incident, renamed_metrics
+from app.simulation import ERROR_CLASSES, METRICS, read_incidents, renamed_metrics
 
 BASE = "https://bluntdissect.example/xapi"
 """What the project's own identifiers begin with: names, which lead nowhere (docs/xapi.md)."""
@@ -123,7 +123,7 @@ def run_statements(
             "timestamp": _time(began, seconds),
         }
     ]
-    incidents = msgspec.json.decode(run.incidents or "[]", type=list[Incident])
+    incidents = read_incidents(run.incidents)
     for number, each in enumerate(incidents[:MOST_INCIDENTS]):
         extensions: Json = {
             f"{BASE}/extensions/at-s": each.start_s,

@@ -240,14 +240,17 @@ def _lines(metrics: "Metrics") -> list[tuple[str, str]]:
 
 
 def _incident(incident: "Incident") -> dict[str, object]:
-    """Return an incident as JSON has it."""
+    """Return an incident as JSON has it, its hand counted from 1."""
     import msgspec
 
     from app.simulation import ERROR_CLASSES
 
     kind = ERROR_CLASSES[incident.error]
     plain: dict[str, object] = msgspec.to_builtins(incident)
-    return plain | {"title": kind.title, "mode": kind.mode, "sentence": incident.sentence}
+    hand = None if incident.hand is None else incident.hand + 1
+    return plain | {
+        "hand": hand, "title": kind.title, "mode": kind.mode, "sentence": incident.sentence,
+    }  # fmt: skip
 
 
 def _errors(incidents: "list[Incident]") -> list[tuple[str, str]]:

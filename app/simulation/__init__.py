@@ -14,6 +14,7 @@ from app.simulation.exercises.errors import (
     ErrorClass,
     Incident,
     cause_of,
+    read_incidents,
 )
 from app.simulation.exercises.exercise import (
     Exercise,
@@ -265,6 +266,7 @@ __all__ = [
     "preset_toml",
     "presets",
     "pull_and_hold",
+    "read_incidents",
     "read_preset",
     "read_run",
     "read_script",

@@ -689,7 +689,9 @@ def test_the_next_try_is_told_by_what_failed_it_else_by_the_commonest_error_or_t
     exercise = next(e for e in bed_exercises(session) if e.name == "window")
 
     def error(key: str, at: float) -> Incident:
-        return Incident(key, at, at, 0, 0, 20.0, "none", {"speed": 10.0, "front": 45.0})
+        return Incident(
+            key, at, at, 0, 0, 20.0, "none", {"speed_limit_mm_per_s": 10.0, "front_mm": 45.0}
+        )
 
     fast, lean = error("fast_in_tissue", 1.0), error("leaning", 2.0)
     straight = "Lead it back over where it was held at rest, and pull straight off the bed."

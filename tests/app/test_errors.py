@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from errors_page import page
@@ -21,9 +22,12 @@ from app.simulation import (
     Exercise,
     FreeLength,
     Limit,
+    Replay,
     Session,
     Specimen,
     bed_named,
+    read_incidents,
+    read_run,
     specimen_in_bed,
 )
 from app.simulation.exercises.attempt import Attempt
@@ -118,11 +122,11 @@ def test_an_incident_is_one_opening_and_one_closing() -> None:
     for tick in range(1, 100):
         incidents.tick = tick
         if tick in (10, 11, 20, 40):  # 20 is within the time after which it is closed, 40 is not
-            incidents.note("leaning", 0, 12.0, severity=-tick, a=float(tick))
+            incidents.note("leaning", 0, 12.0, severity=-tick, angle_deg=float(tick))
         incidents.end_tick("near miss" if tick == 55 else "none")
     first, second = incidents.all()
     assert (first.start_s, first.end_s) == pytest.approx((10 / 30, 20 / 30))
-    assert first.values == {"a": 10.0}, "those of its worst tick"
+    assert first.values == {"angle_deg": 10.0}, "those of its worst tick"
     assert second.start_s - first.end_s > CLOSED_AFTER
     assert (first.consequence, second.consequence) == ("none", "near miss")
     assert incidents.number == Counter(leaning=2)
@@ -133,9 +137,11 @@ def test_a_stab_past_several_tubes_is_one_and_names_the_first() -> None:
     incidents = Incidents(TISSUE, {})
     for tube, speed in ((4, 90.0), (0, 120.0), (1, 100.0)):
         incidents.tick += 1
-        incidents.note("blind_stab", 1, 8.0, speed, tube=tube, v=speed, what=f"tube {tube}")
+        incidents.note(
+            "blind_stab", 1, 8.0, speed, tube=tube, speed_mm_per_s=speed, what=f"tube {tube}"
+        )
     (stab,) = incidents.all()
-    assert (stab.tube, stab.values) == (4, {"v": 120.0, "what": "tube 4"})
+    assert (stab.tube, stab.values) == (4, {"speed_mm_per_s": 120.0, "what": "tube 4"})
     incidents.note("instrument_on_wall", 1, 8.0, tube=0)
     incidents.note("instrument_on_wall", 1, 8.0, tube=1)
     assert incidents.number == {"blind_stab": 1, "instrument_on_wall": 2}
@@ -144,10 +150,12 @@ def test_a_stab_past_several_tubes_is_one_and_names_the_first() -> None:
 def test_the_cause_is_the_first_of_the_table_in_the_last_second() -> None:
     incidents = Incidents(TISSUE, {})
     incidents.tick = 60
-    incidents.note("tear", None, 3.0, x=3.0, name="duct")
+    incidents.note("tear", None, 3.0, at_mm=3.0, name="duct")
     assert incidents.cause() is None, "a tear is not its own cause"
-    incidents.note("over_lifted", 0, 12.0, p=60.0, m=4.0, most=50.0)
-    incidents.note("ahead_of_front", 0, 12.0, x=12.0, d=9.0, front=21.0)
+    incidents.note(
+        "over_lifted", 0, 12.0, stress_percent=60.0, lifted_mm=4.0, stress_limit_percent=50.0
+    )
+    incidents.note("ahead_of_front", 0, 12.0, at_mm=12.0, distance_mm=9.0, front_mm=21.0)
     cause = incidents.cause()
     assert cause is not None
     assert cause.error == "ahead_of_front"
@@ -190,6 +198,28 @@ def test_a_class_that_only_an_exercise_makes_an_error_is_named_by_it() -> None:
         assert incidents.number == number
 
 
+def test_incidents_with_older_names_of_values_say_the_same() -> None:
+    kept = [
+        {"error": "ahead_of_front", "hand": 0, "values": {"x": 12.0, "d": 9.0, "front": 21.0}},
+        {"error": "fast_in_tissue", "hand": 1,
+         "values": {"tool": "swab", "v": 14.0, "n": 3, "speed": 10.0}},
+        {"error": "repeated_holds", "hand": 0, "values": {"n": 4.0, "x": 8.0}},
+        {"error": "nick", "hand": None, "values":
+         {"name": "duct", "s": 0.25, "x": 7.0, "leak": "", "by": "", "instead": ""}},
+        {"error": "over_lifted", "hand": 0, "values": {"p": 60.0, "m": 4.0, "most": 50.0}},
+    ]  # fmt: skip
+    common = {"start_s": 2.0, "end_s": 2.5, "tube": 0, "station_mm": None, "consequence": "none"}
+    read = read_incidents(json.dumps([each | common for each in kept]))
+    front, fast, holds, nick, lifted = (each.sentence for each in read)
+    assert front.startswith("At 2.0 s you took hold at 12 mm, 9 mm ahead of the free stretch")
+    assert fast.startswith("At 2.0 s you swept the swab through strands at 14 mm/s, and 3 parted")
+    assert holds.startswith("At 2.0 s you took hold 4 times in a second at 8 mm")
+    assert nick.startswith("At 2.0 s the wall of the duct tore to 0.25 of its section at 7 mm")
+    assert lifted.startswith("At 2.0 s the wall was at 60 % of its break, lifted 4 mm, and 50 %")
+    assert read_incidents(msgspec.json.encode(read).decode()) == read, "present names stay"
+    assert read_incidents(None) == []
+
+
 def test_parameters_follow_from_tissue_duct_and_reaction_time() -> None:
     limits = Incidents(TISSUE, {}).limits
     assert limits["fast_in_tissue"]["speed"] == pytest.approx((4.0 - 1.5) / 0.25)
@@ -221,6 +251,12 @@ def test_a_run_recorded_before_there_were_errors_has_them_when_it_is_replayed() 
     assert tear["start_s"] == pytest.approx(plain["metrics"]["tear"]["time_s"])
     assert tear["station_mm"] == pytest.approx(plain["metrics"]["tear"]["station_mm"])
     assert tear["sentence"].startswith(f"At {tear['start_s']:.1f} s the duct tore at ")
+    log = read_run(path.read_bytes()).log
+    hands = [each.hand for each in Replay(log, phantom(), vertices=300).incidents()]
+    assert hands[0] == 0
+    assert [each["hand"] for each in plain["incidents"]] == [
+        None if hand is None else hand + 1 for hand in hands
+    ]
     lines = run("replay", path).stdout
     for each in plain["incidents"]:
         assert each["sentence"] in " ".join(lines.split())
@@ -253,9 +289,9 @@ def test_errors_at_several_tubes_name_the_tube_and_what_it_lost() -> None:
     tension, bleeding = found["tension_on_vessel"], found["bleeding"]
     assert tension.tube == bleeding.tube == artery
     assert tension.start_s < found["tear"].start_s <= bleeding.start_s
-    assert 50.0 < float(tension.values["p"]) <= 100.0
+    assert 50.0 < float(tension.values["stress_percent"]) <= 100.0
     lost = 1e-3 * session.spatial.fluids["blood"].lost
-    assert bleeding.values["ml"] == pytest.approx(lost)
+    assert bleeding.values["lost_ml"] == pytest.approx(lost)
     assert bleeding.consequence == ("injury" if lost > 2.0 else "minor")
     went_on = found["unattended_bleeding"]
     assert went_on.hand == 1
@@ -284,7 +320,7 @@ def test_the_hand_that_pulls_fast_is_named_and_not_one_that_holds_still(mover: i
     found = [each for each in session.run.incidents()[before:] if "fast" in each.error]
     assert {each.hand for each in found} == {mover}
     (fast,) = [each for each in found if each.error == "fast_pull"]
-    assert float(fast.values["v"]) > 10.0
+    assert float(fast.values["speed_mm_per_s"]) > 10.0
 
 
 def test_no_hand_that_holds_still_is_blamed_for_a_wall_that_weakens() -> None:

@@ -113,7 +113,7 @@ def test_errors_are_numbered_where_there_is_room_beside_their_marks(gui: viser.G
     play = MagicMock()
     debrief = Debrief(gui, None, "", {}, play, play, decided=None, in_space=True)
     found = [
-        Incident("repeated_holds", start, end, hand, 0, 20.0, "none", {"n": 3.0, "x": 20.0})
+        Incident("repeated_holds", start, end, hand, 0, 20.0, "none", {"holds": 3.0, "at_mm": 20.0})
         for start, end, hand in (
             (10.0, 10.0, 0), (10.2, 10.2, 0), (10.4, 10.4, 1), (500.0, 520.0, 0), (560.0, 640.0, 0),
             (1160.0, 1167.0, 0),
@@ -142,7 +142,7 @@ def test_errors_are_numbered_where_there_is_room_beside_their_marks(gui: viser.G
 def test_an_error_of_no_hand_stands_across_the_rows_of_both(gui: viser.GuiApi) -> None:
     """Its number lies on no mark of a hand."""
     play = MagicMock()
-    values: Any = {"n": 3.0, "x": 20.0}
+    values: Any = {"holds": 3.0, "at_mm": 20.0}
     debrief = Debrief(gui, None, "", {}, play, play, decided=None, in_space=True)
     metrics: Any = {"time_s": 10.0, "smallest_distance_to_break": 0.5}
     found = [
@@ -164,7 +164,7 @@ def test_a_hundred_errors_of_one_class_hide_no_others(gui: viser.GuiApi) -> None
     debrief = Debrief(gui, None, "", {}, play, play, decided=None, in_space=True)
 
     def made(error: str, at: float) -> Incident:
-        values: Any = {"n": 3.0, "x": 20.0, "name": "cystic duct", "by": ""}
+        values: Any = {"holds": 3.0, "at_mm": 20.0, "name": "cystic duct", "by": ""}
         return Incident(error, at, at, 0, 0, 20.0, "none", values)
 
     found = [made("repeated_holds", float(each)) for each in range(100)]

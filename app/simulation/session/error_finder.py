@@ -237,7 +237,7 @@ class ErrorFinder:
                 watch.slips = hand.slips
                 incidents.note(
                     "hold_slipped", i, watch.held_at, hand.pull, tube=hand.tube,
-                    x=watch.held_at, f=hand.pull, what=f"the {self._titles[hand.tube]}",
+                    at_mm=watch.held_at, force_N=hand.pull, what=f"the {self._titles[hand.tube]}",
                 )  # fmt: skip
             if hand.node is not None and hand.holds != watch.holds:
                 self._take_hold(i, hand, watch)
@@ -287,7 +287,7 @@ class ErrorFinder:
             if row[HIDDEN]:
                 self.incidents.note(
                     "out_of_view", i, float(hand.place[0]), row[UNSEEN] * TICK_SECONDS,
-                    tool=watch.instrument, s=row[UNSEEN] * TICK_SECONDS,
+                    tool=watch.instrument, seconds=row[UNSEEN] * TICK_SECONDS,
                 )  # fmt: skip
         for i, row in enumerate(seen):
             if row[PACE]:
@@ -314,7 +314,7 @@ class ErrorFinder:
                     event.hand,
                     event.station,
                     tube=tube,
-                    x=event.station,
+                    at_mm=event.station,
                     name=self._titles[tube],
                     by=by and by + self._since(tube),
                     instead=instead,
@@ -333,13 +333,13 @@ class ErrorFinder:
             if not safe:
                 incidents.note(
                     "named_unsafe", None, mark.station, tube=tube, name=self._titles[tube],
-                    taken=mark.structure, n=self._points,
+                    taken=mark.structure, points=self._points,
                 )  # fmt: skip
         self._marks = len(duct.marks)
         if duct.called_unsafe and not self._unsafe:
             self._unsafe = True
             if safe:
-                incidents.note("held_back", None, None, n=self._points)
+                incidents.note("held_back", None, None, points=self._points)
 
     def _judge_nicks(self) -> None:
         """Note the walls that tore farther in this tick without parting."""
@@ -357,8 +357,8 @@ class ErrorFinder:
                 nick.depth,
                 tube=nick.tube,
                 consequence="injury" if nick.leaks else "minor",
-                s=nick.depth,
-                x=nick.station,
+                section_fraction=nick.depth,
+                at_mm=nick.station,
                 leak=", and it leaks" if nick.leaks else "",
                 name=self._titles[nick.tube],
                 by=by and by + self._since(nick.tube),
@@ -399,7 +399,7 @@ class ErrorFinder:
                 at,
                 tube=tube,
                 did=did,
-                x=at,
+                at_mm=at,
                 name=self._titles[tube],
             )
         before = self._rates.get(event.tube, 0.0)
@@ -415,7 +415,7 @@ class ErrorFinder:
                 event.hand,
                 at,
                 tube=tube,
-                n=points,
+                points=points,
                 name=self._titles[tube],
             )
         stays = safety.entering[event.tube] == 1  # whether the side towards its begin stays
@@ -438,7 +438,7 @@ class ErrorFinder:
             if pull > limits["wrong_structure"]["pull"]:
                 incidents.note(
                     "wrong_structure", i, duct.held_at(i), pull, tube=hand.tube,
-                    f=pull, name=self._titles[hand.tube],
+                    force_N=pull, name=self._titles[hand.tube],
                 )  # fmt: skip
         most, near = limits["tension_on_vessel"]["most"], limits["tear"]["near"]
         if duct.stress_ratio > most:
@@ -450,7 +450,8 @@ class ErrorFinder:
                     by, instead = self._deed(hardest, tube)
                     incidents.note(
                         "tension_on_vessel", hardest, None, ratio, tube=tube,
-                        p=100.0 * min(ratio, 1.0), name=self._titles[tube], by=by, instead=instead,
+                        stress_percent=100.0 * min(ratio, 1.0), name=self._titles[tube], by=by,
+                        instead=instead,
                     )  # fmt: skip
         if duct.stress_ratio > near:
             for tube, ratio in enumerate(duct.stress_ratios):
@@ -483,7 +484,7 @@ class ErrorFinder:
                 by = [each.hand for each in duct.events if each.tube == name]
                 incidents.note(
                     "bleeding", by[0] if by else None, hole.station, lost, tube=tube,
-                    consequence=harm, ml=lost, s=seconds, name=self._titles[tube],
+                    consequence=harm, lost_ml=lost, seconds=seconds, name=self._titles[tube],
                 )  # fmt: skip
             if not parted or seconds <= limits["seconds"]:
                 continue
@@ -493,7 +494,8 @@ class ErrorFinder:
                 if away > limits["away"] and (hand.node is not None or duct.rod_counts[i]):
                     incidents.note(
                         "unattended_bleeding", i, hole.station, seconds, tube=tube,
-                        consequence=harm, d=away, s=seconds, ml=lost, name=self._titles[tube],
+                        consequence=harm, distance_mm=away, seconds=seconds, lost_ml=lost,
+                        name=self._titles[tube],
                     )  # fmt: skip
 
     def _judge_clips(self, rates: dict[str, float]) -> None:
@@ -505,7 +507,7 @@ class ErrorFinder:
             if rates[clip.tube] > limits["fraction"] * before:
                 tube = self._duct.tubes.names.index(clip.tube)
                 incidents.note(
-                    "clip_astray", clip.hand, clip.station, tube=tube, x=clip.station,
+                    "clip_astray", clip.hand, clip.station, tube=tube, at_mm=clip.station,
                     name=self._titles[tube],
                 )  # fmt: skip
 
@@ -529,10 +531,13 @@ class ErrorFinder:
         if row[FAST]:
             incidents.note(
                 "fast_in_tissue", i, station, speed, parted,
-                v=speed, speed=limits["fast_in_tissue"]["speed"], tool=tool,
+                speed_mm_per_s=speed,
+                speed_limit_mm_per_s=limits["fast_in_tissue"]["speed"], tool=tool,
             )  # fmt: skip
         if row[JUMPS]:
-            incidents.note("jumping_jaws", i, station, row[OPENS], parted, v=row[OPENS])
+            incidents.note(
+                "jumping_jaws", i, station, row[OPENS], parted, speed_mm_per_s=row[OPENS]
+            )
         if row[ALONE]:
             incidents.note("no_traction", i, station, 0.0, parted)
         if row[STABS]:
@@ -541,7 +546,8 @@ class ErrorFinder:
             for tube in [k for k, name in enumerate(names) if node in beam.nodes_of(name)][:1]:
                 incidents.note(
                     "blind_stab", i, station, speed, tube=tube,
-                    v=speed, d=speed * REACTION_SECONDS, speed=limits["blind_stab"]["speed"],
+                    speed_mm_per_s=speed, distance_mm=speed * REACTION_SECONDS,
+                    speed_limit_mm_per_s=limits["blind_stab"]["speed"],
                     what=f"the {self._titles[tube]}",
                 )  # fmt: skip
         if row[PRESSES]:
@@ -561,7 +567,7 @@ class ErrorFinder:
                 station = float(beam.stations_of(duct.tubes.names[tube])[node])
                 incidents.note(
                     "instrument_on_wall", i, station, press,
-                    tube=tube, f=press, tool=tool, what=f"the {self._titles[tube]}",
+                    tube=tube, force_N=press, tool=tool, what=f"the {self._titles[tube]}",
                 )  # fmt: skip
         if row[PLOUGHS]:
             self._judge_sweep(i, watch, parted)
@@ -585,13 +591,13 @@ class ErrorFinder:
         far = math.dist(now[:3], watch.events_start)
         if watch.ploughed > plough["in_all"]:
             far = watch.ploughed_mm
-            incidents.note("ploughing", i, now[0], far, n=watch.ploughed, d=far)
+            incidents.note("ploughing", i, now[0], far, strands=watch.ploughed, distance_mm=far)
         if total < plough["strands"]:
             return
         if len(watch.turns) >= stir["turns"]:
-            incidents.note("stirring", i, now[0], total, n=total)
+            incidents.note("stirring", i, now[0], total, strands=total)
         elif far > plough["travel"]:
-            incidents.note("ploughing", i, now[0], far, n=total, d=far)
+            incidents.note("ploughing", i, now[0], far, strands=total, distance_mm=far)
 
     # Holds
 
@@ -612,7 +618,9 @@ class ErrorFinder:
         while (tick - holds[0][0]) * TICK_SECONDS > limits["seconds"]:
             holds.pop(0)
         if len(holds) >= limits["holds"]:
-            self.incidents.note("repeated_holds", i, at, len(holds), n=float(len(holds)), x=at)
+            self.incidents.note(
+                "repeated_holds", i, at, len(holds), holds=float(len(holds)), at_mm=at
+            )
 
     def _front(self, at: float) -> tuple[float | None, float]:
         """Return how far a station is from the nearest edge of a free stretch, mm, and the edge."""
@@ -631,16 +639,19 @@ class ErrorFinder:
     def _judge_hold(self, i: int, hand: Hand, watch: _Watch, row: list[float]) -> None:
         incidents, at, stress = self.incidents, watch.held_at, self._pace.ratio
         if row[LOST]:
-            incidents.note("traction_lost", i, at, -row[SIZE], most=row[MOST], f=row[SIZE])
+            incidents.note(
+                "traction_lost", i, at, -row[SIZE], most_force_N=row[MOST], force_N=row[SIZE]
+            )
         if row[PLACE]:
             self._unplaced[i] = self._judge_place(i, watch)
         if row[LEANS]:
             to = ", to the far side" if row[PULL + 1] > 0.0 else ", to the near side"
-            incidents.note("leaning", i, at, row[ANGLE], a=row[ANGLE], to=to)
+            incidents.note("leaning", i, at, row[ANGLE], angle_deg=row[ANGLE], to=to)
         if row[LIFTS]:
             incidents.note(
-                "over_lifted", i, at, stress, p=100.0 * stress, m=float(hand.place[2]),
-                most=100.0 * incidents.limits["over_lifted"]["most"],
+                "over_lifted", i, at, stress, stress_percent=100.0 * stress,
+                lifted_mm=float(hand.place[2]),
+                stress_limit_percent=100.0 * incidents.limits["over_lifted"]["most"],
             )  # fmt: skip
 
     def _judge_place(self, i: int, watch: _Watch) -> bool:
@@ -659,12 +670,12 @@ class ErrorFinder:
         if not watch.judged:
             watch.judged = True
             if away > limits["ahead_of_front"]["near"]:
-                incidents.note("ahead_of_front", i, at, x=at, d=away, front=front)
+                incidents.note("ahead_of_front", i, at, at_mm=at, distance_mm=away, front_mm=front)
             elif -away > limits["behind_front"]["far"]:
-                incidents.note("behind_front", i, at, x=at, d=-away, front=front)
+                incidents.note("behind_front", i, at, at_mm=at, distance_mm=-away, front_mm=front)
         runs = now is not None and min(0.0, away) - now > limits["one_go"]["far"]
         if now is not None and runs:
-            incidents.note("one_go", i, at, -now, d=-now)
+            incidents.note("one_go", i, at, -now, distance_mm=-now)
         return runs
 
 

@@ -14,6 +14,7 @@ from app.simulation.exercises.errors.incidents import (
     Incident,
     Incidents,
     cause_of,
+    read_incidents,
 )
 
 __all__ = [
@@ -28,4 +29,5 @@ __all__ = [
     "Incidents",
     "Parameter",
     "cause_of",
+    "read_incidents",
 ]

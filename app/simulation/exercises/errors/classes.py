@@ -109,7 +109,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "wrong_structure", "Handled a wrong structure", 10,
             "a hold pulls with more than `pull` on a tube that the exercise is not about",
-            "at {t:.1f} s you pulled on the {name} with {f:.1f} N, which is not to be touched here",
+            "at {t:.1f} s you pulled on the {name} with {force_N:.1f} N, which is not to be "
+            "touched here",
             "Follow a structure both ways before you take hold of it.",
             (LEAST_PULL,),
             if_named=True,
@@ -124,7 +125,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "named_unsafe", "Named before it was safe", 6,
             "a tube is marked while the critical view of safety has fewer than `points`",
-            "at {t:.1f} s you took the {name} for the {taken} with {n:.0f} of 6 points of the "
+            "at {t:.1f} s you took the {name} for the {taken} with {points:.0f} of 6 points of the "
             "critical view",
             "Say that it is not yet safe, and have more freed first.",
             (Parameter("points", "", 5.0, "Strasberg and Brunt 2010: all three parts, one short"),),
@@ -133,14 +134,15 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "held_back", "Called a safe view unsafe", 2,
             "it is said that it is not yet safe to tell with as many points as `named_unsafe` asks",
-            "at {t:.1f} s you called it not yet safe with {n:.0f} of 6 points of the critical view",
+            "at {t:.1f} s you called it not yet safe with {points:.0f} of 6 points of the "
+            "critical view",
             "All three parts are shown: follow each structure, and name it.",
             if_named=True,
         ),
         ErrorClass(
             "clip_wrong_tube", "Clipped or divided a wrong tube", 10,
             "a clip or a division is on a tube that the exercise is not about",
-            "at {t:.1f} s you {did} the {name} at {x:.0f} mm, which is not to be closed here",
+            "at {t:.1f} s you {did} the {name} at {at_mm:.0f} mm, which is not to be closed here",
             "Show both ends of a structure before you close it.",
             if_named=True,
         ),
@@ -148,7 +150,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "clip_astray", "Clipped where it stops nothing", 9,
             "`seconds` after a clip on a tube that bleeds, more than `fraction` of what flowed out "
             "of it still does",
-            "at {t:.1f} s your clip on the {name} at {x:.0f} mm had stopped nothing",
+            "at {t:.1f} s your clip on the {name} at {at_mm:.0f} mm had stopped nothing",
             "Look which end bleeds, and clip between it and where the blood comes from.",
             (
                 Parameter("seconds", "s", 0.5, "two reaction times"),
@@ -159,7 +161,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "divided_before_view", "Divided before the critical view", 6,
             "a tube that enters the gallbladder is divided while the critical view of safety has "
             "fewer than `points`",
-            "at {t:.1f} s you divided the {name} with {n:.0f} of 6 points of the critical view",
+            "at {t:.1f} s you divided the {name} with {points:.0f} of 6 points of the critical "
+            "view",
             "Free both structures, the triangle and the lower plate first.",
             (Parameter("points", "", 5.0, "Strasberg and Brunt 2010: all three parts, one short"),),
         ),
@@ -175,8 +178,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "unattended_bleeding", "Went on while a vessel bled", 2,
             "a vessel has bled for more than `seconds`, and strands part meanwhile on a hand that "
             "is farther than `away` from it",
-            "at {t:.1f} s the {name} had bled for {s:.0f} s, {ml:.1f} ml, while you went on "
-            "{d:.0f} mm away",
+            "at {t:.1f} s the {name} had bled for {seconds:.0f} s, {lost_ml:.1f} ml, while you "
+            "went on {distance_mm:.0f} mm away",
             "Stop, press on it first, look, and then close it.",
             (
                 Parameter("seconds", "s", 5.0, "a choice: as long as it takes to see it and stop"),
@@ -188,9 +191,9 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "a hold that pulls with more than `pull` was taken more than `near` beyond a free "
             "stretch, where the duct is still fixed; not while the other hand has a dissector or "
             "a swab, as it then holds the duct up",
-            "at {t:.1f} s you took hold at {x:.0f} mm, {d:.0f} mm ahead of the free stretch, and "
-            "pulled on hidden strands",
-            "Take hold at the front, at {front:.0f} mm.",
+            "at {t:.1f} s you took hold at {at_mm:.0f} mm, {distance_mm:.0f} mm ahead of the free "
+            "stretch, and pulled on hidden strands",
+            "Take hold at the front, at {front_mm:.0f} mm.",
             (
                 Parameter("near", "mm", 2.0, "the step of a good hand"),
                 LEAST_PULL,
@@ -200,9 +203,9 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "blind_stab", "Stabbed in unseen", 7,
             "the tip of an instrument that touches strands moves faster than `speed`, over 0.1 s, "
             "where a tube hides it from the viewer",
-            "at {t:.1f} s the tip went in behind {what} at {v:.0f} mm/s, where you could not see "
-            "it: {d:.0f} mm in a reaction time",
-            "Go in at {speed:.0f} mm/s or less, or turn the view.",
+            "at {t:.1f} s the tip went in behind {what} at {speed_mm_per_s:.0f} mm/s, where you "
+            "could not see it: {distance_mm:.0f} mm in a reaction time",
+            "Go in at {speed_limit_mm_per_s:.0f} mm/s or less, or turn the view.",
             (
                 Parameter(
                     "speed", "mm/s", _blind_speed,
@@ -215,7 +218,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "jumping_jaws", "Jaws thrown open", 7,
             "a strand on a jaw parts while the opening grows faster than `speed`, over 0.1 s",
-            "at {t:.1f} s the jaws opened at {v:.0f} mm/s and {n:.0f} strands parted at once",
+            "at {t:.1f} s the jaws opened at {speed_mm_per_s:.0f} mm/s and {strands:.0f} strands "
+            "parted at once",
             "Open them over a second or two and stop when you feel them yield.",
             (
                 Parameter(
@@ -228,7 +232,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "stirring", "Stirred with the jaws", 9,
             "on jaws that do not open `strands` strands have parted within `seconds`, and the tip "
             "has turned back `turns` times by more than 2 mm",
-            "from {t:.1f} s on you swept the jaws to and fro, and {n:.0f} strands parted",
+            "from {t:.1f} s on you swept the jaws to and fro, and {strands:.0f} strands parted",
             "Stop behind the duct and open the jaws: that loads its wall least.",
             (
                 Parameter("strands", "", 5.0, "a choice: fewer part beside a dissector that waits"),
@@ -240,8 +244,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "ploughing", "Ploughed with the jaws", 9,
             "on jaws that do not open `strands` strands have parted within `seconds`, and the tip "
             "has moved on by more than `travel` meanwhile; or more than `in_all` have in the run",
-            "from {t:.1f} s on you pushed the jaws through strands without opening them, {d:.0f} "
-            "mm far, and {n:.0f} parted",
+            "from {t:.1f} s on you pushed the jaws through strands without opening them, "
+            "{distance_mm:.0f} mm far, and {strands:.0f} parted",
             "Stop behind the duct and open the jaws: that loads its wall least.",
             (
                 Parameter("strands", "", 5.0, "a choice: fewer part beside a dissector that waits"),
@@ -254,8 +258,10 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "fast_in_tissue", "Instrument too fast in tissue", 7,
             "`strands` strands on a jaw or a swab part in one tick while its tip moves faster than "
             "`speed`, over 0.1 s",
-            "at {t:.1f} s you swept the {tool} through strands at {v:.0f} mm/s, and {n:.0f} parted",
-            "Go in slowly, below {speed:.0f} mm/s you can stop in time, and then spread.",
+            "at {t:.1f} s you swept the {tool} through strands at {speed_mm_per_s:.0f} mm/s, and "
+            "{strands:.0f} parted",
+            "Go in slowly, below {speed_limit_mm_per_s:.0f} mm/s you can stop in time, and then "
+            "spread.",
             (
                 STRAND_SPEED,
                 Parameter("strands", "", 2.0, "a choice: one may part by itself"),
@@ -264,7 +270,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "repeated_holds", "Took hold again and again", 2,
             "one hand takes hold `holds` times within `seconds`, each within 2 mm of the last",
-            "at {t:.1f} s you took hold {n:.0f} times in a second at {x:.0f} mm",
+            "at {t:.1f} s you took hold {holds:.0f} times in a second at {at_mm:.0f} mm",
             "Take one good bite: each hold crushes the wall.",
             (
                 Parameter("holds", "", 3.0, "a choice: more than two a second"),
@@ -275,7 +281,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "hold_slipped", "Lost the hold", 2,
             "tissue slips out of a grasper, as it does at a pull of "
             f"{GRIP_N:g} N (3); a hook does not let it slip",
-            "at {t:.1f} s {what} slipped out of the grasper at {x:.0f} mm, at {f:.1f} N",
+            "at {t:.1f} s {what} slipped out of the grasper at {at_mm:.0f} mm, at {force_N:.1f} N",
             "Take a better bite and pull less, or free it first.",
             is_result=True,
         ),
@@ -283,7 +289,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "one_go", "Pulled on in one go", 3,
             "the front has moved on by more than `far` from a hold that goes on pulling with more "
             "than `pull`",
-            "from {t:.1f} s on one hold pulled on while the front ran {d:.0f} mm away from it",
+            "from {t:.1f} s on one hold pulled on while the front ran {distance_mm:.0f} mm away "
+            "from it",
             "Let go and take hold again every 2 mm: short lifts at the front.",
             (
                 Parameter("far", "mm", 5.0, "as far as strands beside an instrument are seen"),
@@ -294,8 +301,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "leaning", "Pulled sideways", 9,
             "the mean pull of a hold over 0.3 s leans sideways by more than `angle` for `seconds`, "
             "and is above `pull`",
-            "at {t:.1f} s you pulled {a:.0f} degrees off straight up{to}, which loads one side of "
-            "the wall",
+            "at {t:.1f} s you pulled {angle_deg:.0f} degrees off straight up{to}, which loads one "
+            "side of the wall",
             "Lead it back over where it was held at rest, and pull straight off the bed.",
             (
                 Parameter("angle", "deg", 20.0, "a choice: sideways pull is a third of the pull"),
@@ -308,9 +315,9 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "a hold that pulls with more than `pull` was taken farther than `far` inside the free "
             "stretch; not while the "
             "other hand has a dissector or a swab",
-            "at {t:.1f} s you took hold at {x:.0f} mm, {d:.0f} mm behind the front, where free "
-            "duct stretches instead of the layer",
-            "Take hold at the front, at {front:.0f} mm.",
+            "at {t:.1f} s you took hold at {at_mm:.0f} mm, {distance_mm:.0f} mm behind the front, "
+            "where free duct stretches instead of the layer",
+            "Take hold at the front, at {front_mm:.0f} mm.",
             (
                 Parameter("far", "mm", 3.0, "a good hand's step and a bin of 1 mm"),
                 LEAST_PULL,
@@ -322,7 +329,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "over 0.13 s; or strands part while a hold moves faster than `speed`, over 0.13 s; of "
             "two hands it is the one whose motion does more work on the wall, and none that is "
             "still",
-            "at {t:.1f} s you pulled at {v:.0f} mm/s, and {left}",
+            "at {t:.1f} s you pulled at {speed_mm_per_s:.0f} mm/s, and {outcome}",
             "Lift at half that speed, and slower still near the break.",
             (
                 REACTION,
@@ -338,7 +345,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "near_break_fast", "Near the break and not slower", 7,
             "the stress ratio s is above `least`, now and as a mean of 0.13 s; (1 - s) over its "
             "growth over 0.4 s is below `seconds`",
-            "at {t:.1f} s the wall was at {p:.0f} % of its break and rose by {g:.0f} % a second",
+            "at {t:.1f} s the wall was at {stress_percent:.0f} % of its break and rose by "
+            "{growth_percent_per_s:.0f} % a second",
             "Past half of the break slow down, so that two reaction times are left.",
             (
                 Parameter("least", "", 0.5, "half of the break"),
@@ -358,8 +366,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "strands yield on an instrument while the other hand has let the duct down by more "
             "than `down`; its hold has pulled with more than `pull`, and now has less than "
             "`fraction` of that; not at an anatomy",
-            "at {t:.1f} s the hold had gone from {most:.1f} to {f:.1f} N while the other hand "
-            "dissected",
+            "at {t:.1f} s the hold had gone from {most_force_N:.1f} to {force_N:.1f} N while the "
+            "other hand dissected",
             "Keep the duct taut.",
             (
                 Parameter("pull", "N", 0.5, "a choice"),
@@ -370,8 +378,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "over_lifted", "Lifted higher than needed", 7,
             "the stress ratio is above `most` while a hand holds the duct, which lies in one bed",
-            "at {t:.1f} s the wall was at {p:.0f} % of its break, lifted {m:.0f} mm, and "
-            "{most:.0f} % is enough here",
+            "at {t:.1f} s the wall was at {stress_percent:.0f} % of its break, lifted "
+            "{lifted_mm:.0f} mm, and {stress_limit_percent:.0f} % is enough here",
             "Lift less, until the strands are just taut.",
             (
                 Parameter(
@@ -385,7 +393,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "tension_on_vessel", "Strained a vessel", 7,
             "the stress ratio of an artery or a vein is above `most`; it is put down to the hand "
             "that pulls or presses hardest",
-            "at {t:.1f} s the {name} was at {p:.0f} % of its break{by}",
+            "at {t:.1f} s the {name} was at {stress_percent:.0f} % of its break{by}",
             "Ease the traction, and free it before you lift more.",
             (Parameter("most", "", 0.5, "half of the break"),),
         ),
@@ -394,7 +402,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "for 0.13 s a jaw or swab presses on a tube that does not bleed with more than `least` "
             "and `fraction` of what breaks it; at an anatomy on no vessel, and while that tube's "
             "wall is at more than `near` of its break",
-            "at {t:.1f} s the {tool} pressed on {what} with {f:.1f} N",
+            "at {t:.1f} s the {tool} pressed on {what} with {force_N:.1f} N",
             "Press on no wall: lead the instrument aside, to where only strands are.",
             (
                 Parameter(
@@ -416,7 +424,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "out_of_view", "Worked outside the picture", 9,
             "through a laparoscope: an instrument moves among strands, or moves a hold that pulls "
             "with more than `pull`, outside the picture for `seconds`",
-            "at {t:.1f} s the {tool} worked outside the picture for {s:.1f} s",
+            "at {t:.1f} s the {tool} worked outside the picture for {seconds:.1f} s",
             "Stop, bring the camera along, and go on once you see the tip.",
             (
                 LEAST_PULL,
@@ -427,7 +435,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "unseen", "Parted what you did not see", 9,
             "in one tick `strands` or more strands part on the side away from the viewer, more "
             "than 5 mm from every instrument",
-            "at {t:.1f} s {n:.0f} strands on the far side parted, out of sight",
+            "at {t:.1f} s {strands:.0f} strands on the far side parted, out of sight",
             "Lift less and work closer, or turn the view.",
             (
                 Parameter(
@@ -440,7 +448,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "bleeding", "A vessel bled", 7,
             "blood flows out of a tube",
-            "at {t:.1f} s the {name} began to bleed and lost {ml:.1f} ml in {s:.0f} s",
+            "at {t:.1f} s the {name} began to bleed and lost {lost_ml:.1f} ml in {seconds:.0f} s",
             "Press on it first, then look, and then close it.",
             is_result=True,
         ),
@@ -448,8 +456,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "nick", "Wall nicked", 7,
             "the wall of a duct or of another tube tears part of the way, where it does not part "
             "at once",
-            "at {t:.1f} s the wall of the {name} tore to {s:.2g} of its section at {x:.0f} "
-            "mm{by}{leak}",
+            "at {t:.1f} s the wall of the {name} tore to {section_fraction:.2g} of its section at "
+            "{at_mm:.0f} mm{by}{leak}",
             "Ease the pull as soon as the wall gives, and hold it elsewhere: at three quarters it "
             "parts.",
             is_result=True,
@@ -458,7 +466,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "tear", "A tube tore", 7,
             "the stress in the wall of a duct or of another tube has reached its threshold; of "
             "several tubes it is known what did it, and since when the stress was above `near`",
-            "at {t:.1f} s the {name} tore at {x:.0f} mm{by}",
+            "at {t:.1f} s the {name} tore at {at_mm:.0f} mm{by}",
             "Stay below the break: watch the distance to it.",
             (Parameter("near", "", 0.7, "where the page stops an instrument the first time"),),
             is_result=True,

@@ -7,6 +7,7 @@ from typing import Literal
 import msgspec
 
 from app.simulation.exercises.errors.classes import CLOSED_AFTER, ERROR_CLASSES, Conditions
+from app.simulation.exercises.errors.older_values import with_present_names
 from app.simulation.inputs.clock import TICK_SECONDS
 
 Consequence = Literal["none", "near miss", "minor", "injury"]
@@ -55,6 +56,14 @@ class Incident(msgspec.Struct, frozen=True):
         """What to do instead: its own, where it is known what it came of, else its class's."""
         own = self.values.get("instead")
         return str(own) if own else ERROR_CLASSES[self.error].instead.format(**self.values)
+
+
+def read_incidents(content: str | None) -> list[Incident]:
+    """Return a run's incidents from JSON; none of a run of before they were kept."""
+    return [
+        msgspec.structs.replace(each, values=with_present_names(each.error, each.values))
+        for each in msgspec.json.decode(content or "[]", type=list[Incident])
+    ]
 
 
 def cause_of(incidents: Iterable[Incident], seconds: float) -> Incident | None:
@@ -142,7 +151,7 @@ class Incidents:
     ) -> None:
         """Note that a class's condition holds in this tick; the severest tick's values are kept.
 
-        `parted` strands are added up over the incident, as the value n.
+        `parted` strands are added up over the incident, as the value `strands`.
         """
         if error in self.ignored:
             return
@@ -158,13 +167,13 @@ class Incidents:
             self.followed.append(found)
         found.end = self.tick
         found.consequence = max(found.consequence, CONSEQUENCES.index(consequence))
-        total = found.values.get("n", 0.0)
+        total = found.values.get("strands", 0.0)
         if severity >= found.worst:
             found.worst, found.station = severity, station
             what = found.values.get("what", values.get("what"))  # of the first tube
             found.values.update(values if what is None else values | {"what": what})
         if parted is not None and isinstance(total, float | int):
-            found.values["n"] = total + parted
+            found.values["strands"] = total + parted
 
     def end_tick(self, consequence: Consequence) -> None:
         """Put what happened in this tick down to the incidents of the last second."""

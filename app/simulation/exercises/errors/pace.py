@@ -69,13 +69,20 @@ class Pace:
             # Rounded down, so that it is seen to be below a reaction time.
             ms = math.floor(1e3 * left)
             words = f"the wall would have broken in {1e-3 * ms:.3f} s" if ms else AT_BREAK
-            self._incidents.note("fast_pull", hand, at, 1e3 - left, v=speed, left=words)
+            self._incidents.note(
+                "fast_pull", hand, at, 1e3 - left, speed_mm_per_s=speed, outcome=words
+            )
         elif found == PARTING:
-            self._incidents.note("fast_pull", hand, at, speed, v=speed, left=BEFORE)
+            self._incidents.note("fast_pull", hand, at, speed, speed_mm_per_s=speed, outcome=BEFORE)
         elif found == NEAR:
             growth = 100.0 * _growth(self.ratios, NEAR_TICKS, SMOOTH_TICKS)
             self._incidents.note(
-                "near_break_fast", hand, at, growth, p=100.0 * self.ratio, g=growth
+                "near_break_fast",
+                hand,
+                at,
+                growth,
+                stress_percent=100.0 * self.ratio,
+                growth_percent_per_s=growth,
             )
 
 
@@ -142,5 +149,5 @@ class PullErrorFinder:
 
     def tear(self, station: float) -> None:
         """Note a tear at a station, mm, in the present tick."""
-        self.incidents.note("tear", None, station, x=station, name="duct", by="", instead="")
+        self.incidents.note("tear", None, station, at_mm=station, name="duct", by="", instead="")
         self.incidents.end_tick("injury")
