@@ -107,6 +107,9 @@ def report_history(
             left = tube.row(-1)
             words += f"; distance to break {left['distance_to_break_percent']:.2f} %, "
             words += f"at {left['highest_at_mm']:.6g} mm"
+        if tube.lost is not None:
+            now = tube.row(-1)
+            words += f"; lost {now['lost_ml']:.6g} ml, {now['flow_ml_per_s']:.6g} ml/s"
         lines.append((f"tube {tube.name}", words))
     lines += [("note", each) for each in history.notes]
     answer(result, lines, as_json=as_json)

@@ -1,6 +1,7 @@
 """A scene of a beam on a bed, or of tubes that join, and what hands do there (docs/peel.md)."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from app.bounded_file import decoded, read_bounded
 from app.peel.tables import (
     BeamTable,
     BedTable,
+    FluidTable,
     HandTable,
     JoinTable,
     LayerTable,
@@ -22,7 +24,7 @@ from app.peel.tables import (
     beyond,
     on_axis,
 )
-from physics.bed import History, Join, Network, SpaceBeam, Strands, pull
+from physics.bed import BeamOnBed, Flow, Fluid, History, Join, Network, SpaceBeam, Strands, pull
 
 MOST_BYTES = 20_000_000
 """Size of a scene file: some 100,000 strands, each in a table of its own."""
@@ -43,6 +45,7 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tube: list[TubeTable] = []
     join: list[JoinTable] = []
     layer: list[LayerTable] = []
+    fluid: list[FluidTable] = []
     time: TimeTable | None = None  # no time goes by without it
     # how far a tear crosses a tube's wall in a step; None: it is through at once
     tear_mm: int | float | None = None
@@ -103,15 +106,50 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 if each.break_stress_MPa is not None
             },
             tear_mm=math.inf if self.tear_mm is None else float(self.tear_mm),
+            fluids=self._fluids(tubes),
             **self._timed(),
         )
 
     def _timed(self) -> dict[str, Any]:
         if self.time is None:
+            if self.fluid:
+                raise ValueError("[[fluid]] needs [time], whose step_s says for how long it flows")
             return {}
         each = [(table.from_step, table.steps) for table in (*self.hand, *self.rod)]
         steps = max(a + (sum(b) if isinstance(b, list) else b) for a, b in each)
-        return self.time.settings(steps)
+        return self.time.settings(steps, flows=bool(self.fluid))
+
+    def _fluids(self, tubes: dict[str, SpaceBeam]) -> Callable[[BeamOnBed], dict[str, Flow]] | None:
+        """Return what puts the fluids into the tubes once those are on their bed."""
+        for number, each in enumerate(self.fluid):
+            if any(other.name == each.name for other in self.fluid[:number]):
+                raise ValueError(f"there are two fluids {each.name!r}")
+            if not any(tube.fluid == each.name for tube in self.tube):
+                raise ValueError(f"[[fluid]] {number + 1}: no tube has the fluid {each.name!r}")
+        for tube in self.tube:
+            for name in ("bore_radius_mm", "fed_ends"):
+                if tube.fluid is None and getattr(tube, name) is not None:
+                    raise ValueError(f"{name} of tube {tube.name!r} goes with a fluid")
+            if tube.fluid is not None and tube.bore_radius_mm is None:
+                raise ValueError(f"tube {tube.name!r} has a fluid and needs bore_radius_mm")
+            if tube.fluid is not None and all(each.name != tube.fluid for each in self.fluid):
+                known = ", ".join(each.name for each in self.fluid) or "none"
+                raise ValueError(
+                    f"tube {tube.name!r}: there is no [[fluid]] {tube.fluid!r}: {known}"
+                )
+        found: dict[str, tuple[Fluid, dict[str, Any], list[tuple[str, int]]]] = {}
+        for each in self.fluid:
+            having = [tube for tube in self.tube if tube.fluid == each.name]
+            fed = [(tube.name, end) for tube in having for end in tube.fed()]
+            if not fed:
+                raise ValueError(
+                    f"[[fluid]] {each.name!r} comes into no tube: give one of its tubes fed_ends"
+                )
+            bores = {tube.name: tube.bore(tubes[tube.name]) for tube in having}
+            found[each.name] = each.build(), bores, fed
+        if not found:
+            return None
+        return lambda bed: {name: Flow(bed, *of) for name, of in found.items()}
 
     def _length(self, tube: str) -> float | None:
         """Return the length of a tube's curved axis, mm; None where it is straight."""
@@ -129,8 +167,15 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def _lone_beam(self) -> SpaceBeam:
         if self.beam is None:
             raise ValueError("a scene needs a [beam], or [[tube]] tables")
-        if self.join or self.layer or any(each.tube is not None for each in self.hand):
-            raise ValueError("[[join]], [[layer]] and a hand's tube go with [[tube]], not [beam]")
+        if (
+            self.join
+            or self.layer
+            or self.fluid
+            or any(each.tube is not None for each in self.hand)
+        ):
+            raise ValueError(
+                "[[join]], [[layer]], [[fluid]] and a hand's tube go with [[tube]], not [beam]"
+            )
         if "joined" in self.beam.ends:
             raise ValueError("an end that is joined goes with [[tube]] and [[join]]")
         return self.beam.build([float(each.at_mm) for each in self._hands()])

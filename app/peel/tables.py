@@ -13,6 +13,7 @@ from physics import Beam, LawName, law_named
 from physics.bed import (
     Bed,
     End,
+    Fluid,
     Hand,
     Patch,
     Rod,
@@ -234,6 +235,54 @@ class TubeTable(BeamTable, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     name: str
     points_mm: list[Point]
+    fluid: str | None = None
+    bore_radius_mm: Numbers | None = None
+    fed_ends: list[Literal[0, 1]] | None = None
+
+    def bore(self, beam: SpaceBeam) -> np.ndarray:
+        """Return the (n,) radii at the tube's nodes, mm, within which its fluid flows."""
+        name = f"bore_radius_mm of tube {self.name!r}"
+        stations = None if self.stations_mm is None else np.array(self.stations_mm, np.float64)
+        row = _row(self.bore_radius_mm, stations, name)
+        if row.ndim and stations is not None:
+            row = np.interp(beam.stations, stations, row)
+        bore = np.broadcast_to(row, beam.stations.shape)
+        for inner, outer in zip(bore.tolist(), beam.radius.tolist(), strict=True):
+            if positive(inner, name, "mm") >= outer:
+                raise ValueError(f"{name} must be below its radius of {outer:g} mm, got {inner:g}")
+        return bore
+
+    def fed(self) -> list[int]:
+        """Return the ends through which the fluid comes: by themselves those that are clamped."""
+        if self.fed_ends is None:
+            return [end for end in range(2) if self.ends[end] == "clamped"]
+        for end in self.fed_ends:
+            if self.ends[end] == "joined":
+                raise ValueError(
+                    f"end {end} of tube {self.name!r} is in fed_ends and joined: what it joins "
+                    "feeds it"
+                )
+        return sorted(set(self.fed_ends))
+
+
+class FluidTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """`[[fluid]]`: what flows in tubes, and out where they have torn."""
+
+    name: str
+    viscosity_mPa_s: Number  # noqa: N815 (units are written as they are)
+    pressure_kPa: Number  # noqa: N815
+    supply_ml_per_s: Number
+    volume_ml: Number
+
+    def build(self) -> Fluid:
+        """Return the fluid."""
+        of = f"of [[fluid]] {self.name!r}"
+        return Fluid(
+            viscosity=1e-6 * positive(self.viscosity_mPa_s, f"viscosity_mPa_s {of}", "mPa s"),
+            pressure=positive(self.pressure_kPa, f"pressure_kPa {of}", "kPa"),
+            supply=1e3 * positive(self.supply_ml_per_s, f"supply_ml_per_s {of}", "ml/s"),
+            volume=1e3 * positive(self.volume_ml, f"volume_ml {of}", "ml"),
+        )
 
 
 class JoinTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -387,20 +436,23 @@ class RodTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class TimeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """`[time]`: how long a step takes, and how strands and walls relax meanwhile."""
+    """`[time]`: how long a step takes; strands and walls relax meanwhile, and fluids flow."""
 
     step_s: Number
     strands: str | Prony | None = None  # name of a shipped relaxation, or its constants
     wall: str | Prony | None = None
 
-    def settings(self, steps: int) -> dict[str, Any]:
-        """Return what `pull` takes for so many steps."""
+    def settings(self, steps: int, *, flows: bool) -> dict[str, Any]:
+        """Return what `pull` takes for so many steps, in which a fluid `flows` or none does."""
         strands, wall = (
             relaxation_named(each) if isinstance(each, str) else each
             for each in (self.strands, self.wall)
         )
-        if strands is None and wall is None:
-            raise ValueError("[time] needs strands or wall, which relax: nothing else takes time")
+        if strands is None and wall is None and not flows:
+            raise ValueError(
+                "[time] needs strands or wall, which relax, or a tube with a fluid, which flows: "
+                "nothing else takes time"
+            )
         seconds = positive(self.step_s, "step_s of [time]", "s")
         for each in (self.strands, self.wall):
             if isinstance(each, Prony):

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from kernel_cache import njit
 from physics.bed.beam_on_bed import BeamOnBed
+from physics.bed.nick import Nick
 from physics.quantity import finite, positive
 
 Floats = NDArray[np.float64]
@@ -140,6 +141,17 @@ class Flow:
                 hole.resistance = min(hole.resistance, out)
                 return
         self.holes.append(_Hole(tube, float(station), node, out))
+
+    def open_nick(self, nick: Nick, wall: float) -> None:
+        """Make the hole of a tear part of the way, as wide as it is deep beyond the wall, mm."""
+        through = nick.depth * nick.height - wall
+        if through > 0.0:
+            self.nick(nick.station, nick.tube, 0.5 * through, wall)
+
+    def wall_at(self, station: float, tube: str) -> float:
+        """Return how much farther out a tube reaches than its bore at a station, mm."""
+        beam = self._bed.network.tubes[tube]
+        return float(np.interp(station, beam.stations, beam.radius - self._bores[tube]))
 
     def advance(self, seconds: float) -> float:
         """Let the fluid flow for a time; return what has gone out, mm^3."""

@@ -2,8 +2,9 @@
 
 import csv
 import io
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from physics.bed.beam_on_bed import BeamOnBed
 from physics.bed.bed import Bed
+from physics.bed.flow import Flow
 from physics.bed.network import Network
 from physics.bed.relaxation import Relaxation
 from physics.bed.space_beam import SpaceBeam
@@ -23,6 +25,8 @@ Floats = NDArray[np.float64]
 Steps = int | tuple[int, ...]
 
 MOST_STEPS = 100_000
+# ml of a mm^3.
+ML = 1e-3
 # Elements that stay between two tears of a tube.
 APART = 3
 
@@ -133,6 +137,8 @@ class TubeHistory:
     torn: tuple[tuple[int, float], ...]  # steps, from 0, after which it tore, and where, mm
     nicked: Floats | None = None  # (T,) how deep it is torn, of its height; None without a wall
     nick: Floats | None = None  # (T,) depth of its deepest tear part of the way, mm; likewise
+    lost: Floats | None = None  # (T,) fluid lost so far, mm^3; None without one
+    flow: Floats | None = None  # (T,) what flows out of its holes, mm^3/s; likewise
 
     def row(self, step: int) -> dict[str, object]:
         """Return what `bluntdissect peel --json` writes of it after a step."""
@@ -146,6 +152,9 @@ class TubeHistory:
                 out["distance_to_break_percent"] = 100.0 * (1.0 - stress / self.strength)
         if self.nicked is not None and self.nick is not None and self.nicked[step] > 0.0:
             out |= {"nicked": float(self.nicked[step]), "nick_mm": float(self.nick[step])}
+        if self.lost is not None and self.flow is not None:
+            out["lost_ml"] = ML * float(self.lost[step])
+            out["flow_ml_per_s"] = ML * float(self.flow[step])
         out["torn_at_mm"] = [at for when, at in self.torn if when <= step]
         return out
 
@@ -173,8 +182,10 @@ class History:
     rounding: float  # work that rounding may do along the way, mJ
     notes: tuple[str, ...]  # on hands whose force moves nothing, in words
     tubes: tuple[TubeHistory, ...] = ()  # of a network
-    times: Floats | None = None  # (T,) s, where tissue relaxes
-    viscous: Floats | None = None  # (T,) and what that dissipates, mJ
+    times: Floats | None = None  # (T,) s, where tissue relaxes or a fluid flows
+    viscous: Floats | None = None  # (T,) what relaxing dissipates, mJ
+    # (T,) of each fluid what is left, mm^3
+    left: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
 
     @property
     def steps(self) -> int:
@@ -204,8 +215,10 @@ class History:
                 "dissipated_mJ": float(self.dissipated[t]),
                 "snap_mJ": float(self.snap[t]),
             }
-            if self.times is not None and self.viscous is not None:
-                row |= {"time_s": float(self.times[t]), "viscous_mJ": float(self.viscous[t])}
+            if self.times is not None:
+                row["time_s"] = float(self.times[t])
+            if self.viscous is not None:
+                row["viscous_mJ"] = float(self.viscous[t])
             if self.hands.shape[1] > 1:
                 row["hands"] = [
                     {"hand_mm": _triple(at), "force_N": _triple(force)}
@@ -223,6 +236,8 @@ class History:
                     )
             if self.tubes:
                 row["tubes"] = {each.name: each.row(t) for each in self.tubes}
+            if self.left:
+                row["left_ml"] = {name: ML * float(left[t]) for name, left in self.left.items()}
             rows.append(row)
         if rows:
             rows[-1]["shape_mm"] = self.shape.tolist()
@@ -242,12 +257,14 @@ class History:
         if self.stress is not None:
             head += ["stress_MPa", "highest_at_mm"]
             head += ["distance_to_break_percent"] * (threshold is not None)
-        if self.times is not None:
-            head += ["time_s", "viscous_mJ"]
+        head += ["time_s"] * (self.times is not None) + ["viscous_mJ"] * (self.viscous is not None)
         for tube in self.tubes:
             head += [f"{tube.name}_freed_mm", f"{tube.name}_stress_MPa", f"{tube.name}_tears"]
             if tube.nicked is not None:
                 head += [f"{tube.name}_nicked", f"{tube.name}_nick_mm"]
+            if tube.lost is not None:
+                head += [f"{tube.name}_lost_ml", f"{tube.name}_flow_ml_per_s"]
+        head += [f"{name}_left_ml" for name in self.left]
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(head)
@@ -264,14 +281,16 @@ class History:
                 line.append(_cell(np.nan if self.highest_at is None else self.highest_at[t]))
                 if threshold is not None:
                     line.append(_cell(100.0 * (1.0 - self.stress[t] / threshold)))
-            if self.times is not None and self.viscous is not None:
-                line += [_cell(self.times[t]), _cell(self.viscous[t])]
+            line += [_cell(each[t]) for each in (self.times, self.viscous) if each is not None]
             for tube in self.tubes:
                 stress = np.nan if tube.stress is None else tube.stress[t]
                 tears = sum(when <= t for when, _ in tube.torn)
                 line += [_cell(tube.freed[t]), _cell(stress), tears]
                 if tube.nicked is not None and tube.nick is not None:
                     line += [_cell(tube.nicked[t]), _cell(tube.nick[t])]
+                if tube.lost is not None and tube.flow is not None:
+                    line += [_cell(ML * tube.lost[t]), _cell(ML * tube.flow[t])]
+            line += [_cell(ML * left[t]) for left in self.left.values()]
             writer.writerow(line)
         return out.getvalue()
 
@@ -289,6 +308,7 @@ def pull(
     strand_relaxation: Relaxation | None = None,
     wall_relaxation: Relaxation | None = None,
     tear_mm: float = np.inf,
+    fluids: Callable[[BeamOnBed], Mapping[str, Flow]] | None = None,
     watch: Callable[[BeamOnBed], bool] | None = None,
 ) -> History:
     """Move hands and rods along their paths through equilibria and return what happened.
@@ -313,12 +333,15 @@ def pull(
         tears after the step in which it is passed, at the worst place, and again where three
         elements or more are left of a piece.
     step_seconds
-        Time that each step takes, s, in which strands and walls relax.
+        Time that each step takes, s, in which strands and walls relax and fluids flow.
     strand_relaxation, wall_relaxation
         How they do; not at all when None.
     tear_mm
         How far a tear crosses the wall of a network's tube in a step, mm: through at once, or part
         of the way (`BeamOnBed.nick`).
+    fluids
+        Of a network at rest makes the fluids in its tubes, by name. They flow for the time of a
+        step once its tears are made: out of what has torn by then, as the tubes lie at its end.
     watch
         Called with the beam at rest, once hands have taken hold, and after each step, with which
         the pull ends if it returns True.
@@ -347,7 +370,13 @@ def pull(
     )
     relaxes = strand_relaxation is not None or wall_relaxation is not None
     names = beam.tubes if isinstance(beam, Network) else ()
-    tubes = [_TubeRecord(held, name, strength, tear_mm) for name in names]
+    flows = {} if fluids is None else dict(fluids(held))
+    tubes = [
+        _TubeRecord(
+            held, name, strength, tear_mm, [each for each in flows.values() if name in each.tubes]
+        )
+        for name in names
+    ]
     paths = [step_places(hand.path, hand.steps, "a hand's path") for hand in hands]
     sweeps = [step_places(rod.path, rod.steps, "a rod's path", begin=False) for rod in rods]
     total = max(
@@ -366,6 +395,7 @@ def pull(
     worst = np.empty((total, 2)) if walled else None
     energy = np.empty((total, 6))
     freed, broken = np.empty(total), np.empty(total, dtype=np.int64)
+    left: dict[str, Floats] = {name: np.empty(total) for name in flows}
     for t in range(total):
         for h, hand in enumerate(hands):
             if t == hand.from_step:
@@ -409,6 +439,11 @@ def pull(
             worst[t] = highest.total, highest.station
         for tube in tubes:
             tube.add(held, t)
+        for name, flow in flows.items():
+            flow.advance(step_seconds)
+            left[name][t] = flow.left
+        for tube in tubes:
+            tube.add_flow()
         if watch is not None and watch(held):
             total = t + 1
             break
@@ -436,8 +471,9 @@ def pull(
             if hand.by == "force" and 0.0 < np.abs(path).max() <= held.rounding
         ),
         tuple(tube.history() for tube in tubes),
-        step_seconds * np.arange(1.0, total + 1.0, dtype=np.float64) if relaxes else None,
+        step_seconds * np.arange(1.0, total + 1.0) if relaxes or flows else None,
         energy[:total, 5] if relaxes else None,
+        {name: each[:total] for name, each in left.items()},
     )
 
 
@@ -445,11 +481,16 @@ class _TubeRecord:
     """A tube of a network while it is pulled."""
 
     def __init__(
-        self, held: BeamOnBed, name: str, strength: Mapping[str, float] | None, tear_mm: float
+        self,
+        held: BeamOnBed,
+        name: str,
+        strength: Mapping[str, float] | None,
+        tear_mm: float,
+        flows: Sequence[Flow],
     ) -> None:
         if not tear_mm > 0.0:
             raise ValueError(f"tear_mm must be above 0 mm, got {tear_mm} mm")
-        self.name, self._tear_mm = name, tear_mm
+        self.name, self._tear_mm, self._flows = name, tear_mm, flows
         self.strength = (strength or {}).get(name, np.inf)
         self._walled = held.network.tubes[name].wall is not None
         if self.strength < np.inf and not self._walled:
@@ -459,6 +500,7 @@ class _TubeRecord:
         self._torn: list[tuple[int, float]] = []
         self._elements: list[int] = []
         self._nicked: list[tuple[float, float]] = []
+        self._flowed: list[tuple[float, float]] = []
 
     def add(self, held: BeamOnBed, step: int) -> None:
         """Take down a step, and tear the tube where it is past its strength."""
@@ -477,15 +519,26 @@ class _TubeRecord:
         depth = 1.0 if self._torn else max((each.depth for each in nicks), default=0.0)
         deepest = max((each.depth * each.height for each in nicks), default=0.0)
         self._nicked.append((depth, deepest))
+        for flow in self._flows:
+            for nick in nicks:
+                flow.open_nick(nick, flow.wall_at(nick.station, self.name))
+
+    def add_flow(self) -> None:
+        """Take down what has flowed out of the tube in a step."""
+        holes = [hole for flow in self._flows for hole in flow.holes if hole.tube == self.name]
+        lost, rate = math.fsum(each.lost for each in holes), math.fsum(each.flow for each in holes)
+        self._flowed.append((lost, rate))
 
     def history(self) -> TubeHistory:
         """Return all that was taken down."""
         stress, at = np.array(self._worst).reshape(-1, 2).T if self._walled else (None, None)
         torn = tuple(self._torn)
         nicked, nick = np.array(self._nicked).reshape(-1, 2).T if self._walled else (None, None)
+        lost, flow = np.array(self._flowed).reshape(-1, 2).T if self._flows else (None, None)
         return TubeHistory(
-            self.name, np.array(self._freed), stress, at, self.strength, torn, nicked, nick
-        )
+            self.name, np.array(self._freed), stress, at, self.strength, torn, nicked, nick,
+            lost, flow,
+        )  # fmt: skip
 
 
 def _tissue(

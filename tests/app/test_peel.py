@@ -16,6 +16,7 @@ from app.peel import read_scene
 from app.peel.tables import (
     BeamTable,
     BedTable,
+    FluidTable,
     HandTable,
     JoinTable,
     LayerTable,
@@ -103,7 +104,7 @@ def test_the_scene_of_the_docs_and_its_history(tmp_path: Path) -> None:
 def test_every_field_is_in_the_docs() -> None:
     for table in (
         BeamTable, BedTable, HandTable, RodTable, StrandTable, TubeTable, JoinTable, LayerTable,
-        TimeTable,
+        FluidTable, TimeTable,
     ):  # fmt: skip
         for field in table.__struct_fields__:
             assert f"`{field}`" in DOCS or f"`{field} =" in DOCS, field
@@ -337,7 +338,7 @@ def test_solve_in_a_bed_takes_a_law_and_says_where_the_linear_one_is_not_good() 
     assert "--law must be linear" in refused([*own, "--law", "cauchy"])
 
 
-NETWORK, _ = re.findall(r"```text\n(.*?)```", DOCS, flags=re.DOTALL)
+NETWORK, _, FLUID = re.findall(r"```text\n(.*?)```", DOCS, flags=re.DOTALL)
 
 
 def test_a_network_of_the_docs_is_pulled_and_a_tube_of_it_tears(tmp_path: Path) -> None:
@@ -447,6 +448,116 @@ def test_a_network_of_one_tube_is_the_beam_on_its_bed(tmp_path: Path, time: str)
 def test_refuses_networks_that_cannot_be(tmp_path: Path, old: str, new: str, output: str) -> None:
     assert old in NETWORK
     assert output in refused(["peel", scene(tmp_path, NETWORK.replace(old, new, 1))])
+
+
+def to_the_branch_s_end(row: dict, elements: int) -> float:
+    """Return the resistance up to the branch's last so many elements, kPa s/ml, as they lie."""
+    nodes = np.array(row["shape_mm"])
+    artery = nodes[:25][np.argsort(nodes[:25, 0])]  # nodes stand as they are solved for
+    branch = np.concatenate([artery[12:13], nodes[25:]])[: elements + 1]
+
+    def along(line: np.ndarray, rest: float, bore: float) -> float:
+        chords = np.sqrt((np.diff(line, axis=0) ** 2).sum(axis=1))
+        # A bore's volume stays: bore^2 rest = now^2 chord.
+        return float((8 * 3.5e-3 * chords**3 / (math.pi * bore**4 * rest**2)).sum())
+
+    feed = 12.0 / 4.0
+    halves = [feed + along(line, 40 / 24, 1.2) for line in (artery[:13], artery[12:])]
+    return 1 / sum(1 / each for each in halves) + along(branch, 30 / 16, 0.7)
+
+
+def test_a_torn_tube_of_the_docs_loses_what_poiseuille_s_law_gives(tmp_path: Path) -> None:
+    """Resistances in series and parallel by hand, of the tubes as they lie."""
+    table = tmp_path / "history.csv"
+    found = peeled(scene(tmp_path, FLUID), "-o", table)
+    rows = found["steps"]
+    artery, branch = ([row["tubes"][name] for row in rows] for name in ("artery", "branch"))
+    torn = next(step for step, row in enumerate(branch) if row["torn_at_mm"])
+    assert torn == 9
+    assert [row["torn_at_mm"] for row in branch[torn:]] == [[30.0]] * 11
+    # Exactly nothing without a tear.
+    none = {"lost_ml": 0.0, "flow_ml_per_s": 0.0}
+    for row in (*artery, *branch[:torn]):
+        assert {key: row[key] for key in none} == none
+    assert all(row["left_ml"] == {"blood": 5000.0} for row in rows[:torn])
+    assert [row["time_s"] for row in rows] == [0.5 * step for step in range(1, 21)]
+    assert "viscous_mJ" not in rows[0]
+
+    whole = to_the_branch_s_end(rows[-1], 15) + 3 * 3.5e-3 / 0.7**3
+    for step in range(12, 20):  # the hand waits, nothing moves
+        left = rows[step - 1]["left_ml"]["blood"]
+        rate = branch[step]["flow_ml_per_s"]
+        assert rate == pytest.approx(12.0 * left / 5000.0 / whole, rel=1e-9)
+    lost = np.cumsum([0.5 * row["flow_ml_per_s"] for row in branch])
+    assert [row["lost_ml"] for row in branch] == pytest.approx(lost, rel=1e-12)
+    for row, mine in zip(rows, branch, strict=True):
+        assert row["left_ml"]["blood"] + mine["lost_ml"] == pytest.approx(5000.0, rel=1e-12)
+    assert lost[-1] > 24.0
+
+    with table.open() as lines:
+        written = list(csv.DictReader(lines))
+    for key in none:
+        assert [float(line[f"branch_{key}"]) for line in written] == [row[key] for row in branch]
+    assert float(written[-1]["blood_left_ml"]) == rows[-1]["left_ml"]["blood"]
+    printed = run("peel", tmp_path / "scene.toml").stdout
+    assert f"torn at 30 mm in step 10; lost {lost[-1]:.6g} ml" in printed
+
+
+def test_a_wall_torn_in_part_leaks_once_the_tear_is_through_it(tmp_path: Path) -> None:
+    """A hole as wide as the tear is deep beyond the wall of 0.3 mm."""
+    rows = peeled(scene(tmp_path, "tear_mm = 0.2\n" + FLUID))["steps"]
+    branch = [row["tubes"]["branch"] for row in rows]
+    for row in branch:
+        assert (row["flow_ml_per_s"] > 0.0) == (row.get("nick_mm", 0.0) > 0.3)
+    # The same up to the first leak alone, so that the last row has the tubes as they lie then.
+    step = next(step for step, row in enumerate(branch, 1) if row["flow_ml_per_s"] > 0.0)
+    cut = FLUID.replace("[0, 0, 6], [0, 0, 6]", f"[0, 0, {0.5 * step}]")
+    cut = cut.replace("steps = [12, 8]", f"steps = {step}")
+    last = peeled(scene(tmp_path, "tear_mm = 0.2\n" + cut))["steps"][-1]
+    assert last["tubes"]["branch"]["highest_at_mm"] == 30.0
+    a = 0.5 * (last["tubes"]["branch"]["nick_mm"] - 0.3)
+    hole = 3.5e-3 * (3 / a**3 + 8 * 0.3 / (math.pi * a**4))
+    rate = 12.0 / (to_the_branch_s_end(last, 16) + hole)
+    assert last["tubes"]["branch"]["flow_ml_per_s"] == pytest.approx(rate, rel=1e-9)
+    assert last["tubes"]["branch"]["flow_ml_per_s"] == pytest.approx(
+        branch[step - 1]["flow_ml_per_s"], rel=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "output"),
+    [
+        ("[time]\nstep_s = 0.5\n", "", "[[fluid]] needs [time], whose step_s says"),
+        ("bore_radius_mm = 0.7\n", "", "tube 'branch' has a fluid and needs bore_radius_mm"),
+        ("= 0.7", "= 1.0", "bore_radius_mm of tube 'branch' must be below its radius of 1 mm"),
+        ("= 0.7", "= 0.0", "bore_radius_mm of tube 'branch' must be above 0 mm, got 0.0 mm"),
+        ("= 0.7", "= [0.7, 0.6]", "bore_radius_mm of tube 'branch' has 2 numbers; give stations"),
+        ("fed_ends = []", "fed_ends = [0]", "end 0 of tube 'branch' is in fed_ends and joined"),
+        ("fed_ends = []", "fed_ends = [2]", "Invalid enum value 2"),
+        (
+            "bore_radius_mm = 1.2",
+            "bore_radius_mm = 1.2\nfed_ends = []",
+            "[[fluid]] 'blood' comes into no tube: give one of its tubes fed_ends",
+        ),
+        ('fluid = "blood"', 'fluid = "bile"', "tube 'artery': there is no [[fluid]] 'bile': blood"),
+        ('fluid = "blood"\n', "", "bore_radius_mm of tube 'artery' goes with a fluid"),
+        ('name = "blood"', 'name = "bile"', "[[fluid]] 1: no tube has the fluid 'bile'"),
+        ("= 3.5", "= 0.0", "viscosity_mPa_s of [[fluid]] 'blood' must be above 0 mPa s, got 0.0"),
+        ("volume_ml = 5000.0", "volume_ml = nan", "volume_ml of [[fluid]] 'blood' must be above 0"),
+        ("supply_ml_per_s", "supply_ml_s", "unknown field `supply_ml_s`"),
+    ],
+)
+def test_refuses_fluids_that_cannot_be(tmp_path: Path, old: str, new: str, output: str) -> None:
+    assert old in FLUID
+    assert output in refused(["peel", scene(tmp_path, FLUID.replace(old, new, 1))])
+
+
+def test_a_fluid_flows_in_tubes_alone(tmp_path: Path) -> None:
+    fluid = "[[fluid]]" + FLUID.partition("[[fluid]]")[2].partition("[time]")[0]
+    message = refused(["peel", scene(tmp_path, BEAM, BED, HAND, fluid)])
+    assert "[[fluid]] and a hand's tube go with [[tube]], not [beam]" in message
+    twice = FLUID.replace("[[fluid]]", fluid + "[[fluid]]")
+    assert "there are two fluids 'blood'" in refused(["peel", scene(tmp_path, twice)])
 
 
 def test_a_field_that_is_not_known_is_named_with_its_line(tmp_path: Path) -> None:

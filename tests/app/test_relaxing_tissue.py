@@ -49,7 +49,7 @@ path_mm = [[0.0, 0.0, 0.6], [0.0, 0.0, 0.6]]
 steps = [4, 10]
 """
 DOCS = (Path(__file__).parents[2] / "docs" / "peel.md").read_text()
-_, TIME = re.findall(r"```text\n(.*?)```", DOCS, flags=re.DOTALL)
+_, TIME, _ = re.findall(r"```text\n(.*?)```", DOCS, flags=re.DOTALL)
 
 
 def test_areolar_tissue_relaxes_between_its_published_moduli() -> None:

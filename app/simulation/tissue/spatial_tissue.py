@@ -884,13 +884,10 @@ class SpatialTissue:
         self.nicked[tube] = max(self.nicked[tube], depth)
         if len(beam.nicks_of(name)) > nicks:
             self._note("nick", tube, worst.station / self.tubes.surfaces[tube].scale, hand)
-        # Out of a hole as wide as the tear is deep beyond the wall.
         for nick in beam.nicks_of(name):
-            thick = self._thickness(tube)
-            through = nick.depth * nick.height - thick
             for flow in self.fluids.values():
-                if through > 0.0 and name in flow.tubes:
-                    flow.nick(nick.station, name, 0.5 * through, thick)
+                if name in flow.tubes:
+                    flow.open_nick(nick, self._thickness(tube))
         return True
 
     def _thickness(self, tube: int) -> float:
