@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -235,4 +235,17 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def read_scene(path: Path) -> PeelScene:
     """Return the scene in a file."""
     content = read_bounded(path, MOST_BYTES, "scene")
-    return decoded(msgspec.toml.decode, content, PeelScene, str(path), lines=True)
+    return decoded(_tables, content, PeelScene, str(path), lines=True)
+
+
+def _tables(content: bytes) -> Any:
+    """Return a scene's tables as they are written, none of which is a rod of one tube."""
+    found = msgspec.toml.decode(content)
+    rods = found.get("rod")
+    for number, rod in enumerate(cast("list[Any]", rods) if isinstance(rods, list) else []):
+        if isinstance(rod, dict) and "tube" in rod:
+            raise msgspec.ValidationError(
+                "tube is no field of a [[rod]]: its places are given in space, and it touches "
+                f"every tube that it meets; leave it out - at `$.rod[{number}].tube`"
+            )
+    return found

@@ -567,6 +567,16 @@ def test_a_field_that_is_not_known_is_named_with_its_line(tmp_path: Path) -> Non
     assert f"(line {rows.index('reach') + 1})" in words
 
 
+def test_a_rod_s_tube_is_refused_with_why(tmp_path: Path) -> None:
+    rod = "[[rod]]\npath_mm = [[20, -9, 3], [20, 0, 3]]\nshaft = [0, -1, 0]\nradius_mm = 1.0\n"
+    wrong = NETWORK + rod + 'tube = "duct"\n'
+    words = refused(["peel", scene(tmp_path, wrong)])
+    assert "tube is no field of a [[rod]]: its places are given in space" in words
+    assert f"(line {len(wrong.splitlines())})" in words
+    for no_table in ("[rod]\ntube = 1\n", 'rod = ["tube"]\n'):
+        assert "Expected `" in refused(["peel", scene(tmp_path, no_table)])
+
+
 def test_older_keys_of_a_scene_are_read_and_give_the_same(tmp_path: Path) -> None:
     present = (BEAM, BED + "floor_N_per_mm2 = 0.1\nbilateral = true\n", HAND)
     older = [
