@@ -1,15 +1,18 @@
 """What the benchmarks do besides timing: the same problem for all, and peers that are missing."""
 
 import itertools
+from importlib import import_module
 
 import numpy as np
 import pytest
 from simulated import phantom
 
 from app.simulation import Session, free_specimen
+from app.validation.network_checks import FRAME_HEIGHT, y_frame
 from benchmarks import mujoco_chain, opensees_beam
 from benchmarks.duct import CENTRE, DUCT, FORCE, STEP, relative_error, walk_about
 from benchmarks.engine import Engine
+from benchmarks.opensees_frame import MESHES, extrapolated, opensees_height
 from benchmarks.page_protocol import hand_forces
 from physics import Exact
 
@@ -64,6 +67,19 @@ def test_peer_that_does_not_load_says_why(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(opensees_beam, "import_module", broken)
     note = opensees_beam.opensees_engine().note
     assert note == "OpenSeesPy does not run here: libblas.so.3: cannot open shared object file"
+
+
+@pytest.mark.long
+def test_a_y_frame_is_lifted_as_in_opensees() -> None:
+    """In the same run, elements without length; and it gives the constant of the validation."""
+    try:
+        import_module("openseespy.opensees")
+    except (ImportError, RuntimeError) as missing:  # as where a library of the system is
+        pytest.skip(f"OpenSeesPy does not run here: {missing}")
+    theirs = extrapolated(*map(opensees_height, MESHES))
+    assert theirs == pytest.approx(FRAME_HEIGHT, abs=1e-6)
+    ours = extrapolated(*(y_frame(each).found for each in MESHES))
+    assert ours == pytest.approx(theirs, rel=2e-6)
 
 
 def test_hand_never_lets_the_duct_rest_nor_tears_it() -> None:

@@ -16,6 +16,14 @@ OUTER, INNER = 2.0, 1.4
 """mm, of a tube's radii; its modulus is 1 MPa, its Poisson's ratio 0.49."""
 AREA = math.pi * (OUTER**2 - INNER**2)
 MOMENT = math.pi / 4.0 * (OUTER**4 - INNER**4)
+FRAME = {
+    "a": ((0.0, 0.0, 0.0), (20.0, 0.0, 0.0), 1.0),
+    "b": ((20.0, 0.0, 0.0), (36.0, 13.0, 5.0), 0.5),
+    "c": ((20.0, 0.0, 0.0), (39.0, -13.0, 9.0), 0.2),
+}
+"""Arms of a Y: first and second end, mm, and a factor on the tube's stiffness."""
+FRAME_TORSION = 2.0 / 2.98 * MOMENT
+"""N mm^2."""
 FRAME_FORCE = (0.05, 0.06, 0.35)  # N
 FRAME_HEIGHT = 9.518614
 """mm by which a Y frame's joint rises under that force: OpenSeesPy 3.7.1, `elasticBeamColumn` and
@@ -65,13 +73,13 @@ def crossed_tubes(factor: float = 1.0, elements: int = 40) -> BedCheck:
     return _check("Two tubes across each other", "sag under 1e-4 N, mm", found, expected, made)
 
 
-def y_frame() -> BedCheck:
+def y_frame(elements: int = 40) -> BedCheck:
     """Lift a Y frame's joint, its three ends clamped, until it has turned by 27 degrees."""
-    tube = np.array([AREA, 1e4 * AREA, 1e4 * AREA, 2.0 / 2.98 * MOMENT, MOMENT, MOMENT])
+    tube = np.array([AREA, 1e4 * AREA, 1e4 * AREA, FRAME_TORSION, MOMENT, MOMENT])
+    ends: dict[str, tuple[End, End]] = {"a": ("clamped", "free")}
     tubes = {
-        "a": _straight((0, 0, 0), (20, 0, 0), 40, tube, ("clamped", "free")),
-        "b": _straight((20, 0, 0), (36, 13, 5), 40, 0.5 * tube, ("free", "clamped")),
-        "c": _straight((20, 0, 0), (39, -13, 9), 40, 0.2 * tube, ("free", "clamped")),
+        name: _straight(begin, end, elements, factor * tube, ends.get(name, ("free", "clamped")))
+        for name, (begin, end, factor) in FRAME.items()
     }
     made = BeamOnBed(Network(tubes, [Join("b", 0, "a", 20.0), Join("c", 0, "a", 20.0)]))
     node = made.take(20.0, "a", along=(False, False, False))
