@@ -389,11 +389,13 @@ def test_two_beams_joined_by_strands_open_as_kanninen_s(elements: int, error: fl
     assert check.found == pytest.approx(check.expected, rel=error)
 
 
-@pytest.mark.parametrize("stretching", [1.0, pytest.param(8.0, marks=pytest.mark.long)])
-def test_two_arms_peel_apart_at_a_t(stretching: float) -> None:
-    """G = 2 F + F^2 / EA, the work of both arms less what they store; 0.5 % of it saw."""
+@pytest.mark.parametrize(
+    ("stretching", "error"), [(1.0, 1.7e-3), pytest.param(8.0, 1e-4, marks=pytest.mark.long)]
+)
+def test_two_arms_peel_apart_at_a_t(stretching: float, error: float) -> None:
+    """G = 2 F + F^2 / EA, the work of both arms less what they store; soft arms come to lean."""
     check = t_peel(stretching)
-    assert check.found == pytest.approx(check.expected, rel=3e-3)
+    assert check.found == pytest.approx(check.expected, rel=error)
     assert check.unexplained < 1e-4
 
 
