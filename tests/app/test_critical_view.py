@@ -726,7 +726,7 @@ def test_a_duct_that_is_divided_too_early_and_with_too_few_clips_is_two_errors()
         session = clipped(clips=clips)
         found = {each.error: each for each in session.run.incidents()}
         tube = session.spatial.tubes.names.index("cystic")
-        assert found["clip_short"].values["n"] == number
+        assert found["clip_short"].values["clips"] == number
         assert found["clip_short"].tube == found["divided_before_view"].tube == tube
         assert found["clip_short"].station_mm == pytest.approx(12.0, abs=1.0)
         assert "with 0 of 6 points" in found["divided_before_view"].sentence

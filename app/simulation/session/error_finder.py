@@ -425,7 +425,7 @@ class ErrorFinder:
         )
         if clips < incidents.limits["clip_short"]["clips"]:
             incidents.note(
-                "clip_short", event.hand, at, tube=tube, n=clips, name=self._titles[tube]
+                "clip_short", event.hand, at, tube=tube, clips=clips, name=self._titles[tube]
             )
 
     def _judge_tubes(self, parted: int) -> None:

@@ -170,7 +170,7 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
             "clip_short", "Divided with too few clips", 2,
             "a tube that enters the gallbladder is divided with fewer than `clips` on the side "
             "that stays",
-            "at {t:.1f} s you divided the {name} with {n:.0f} clips on the side that stays",
+            "at {t:.1f} s you divided the {name} with {clips:.0f} clips on the side that stays",
             "Put two clips on the side that stays before you divide.",
             (Parameter("clips", "", 2.0, "two on the side that stays, as is taught"),),
         ),

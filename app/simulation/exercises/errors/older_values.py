@@ -19,7 +19,7 @@ PRESENT = {
     "x": "at_mm",
 }
 OF_CLASS = {
-    "clip_short": {"n": "n"},
+    "clip_short": {"n": "clips"},
     "divided_before_view": {"n": "points"},
     "held_back": {"n": "points"},
     "named_unsafe": {"n": "points"},
