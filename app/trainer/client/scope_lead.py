@@ -179,7 +179,8 @@ class ScopeLead:
         self._run = state.session.run
         self._stops_at = FIRM.stops_at
         self._stress = 0.0  # of the last tick, over the strength
-        self._stopped_at = -SEEN_TICKS  # tick in which something was stopped last
+        # The tick in which something was stopped last, and that of the stop that a key went past.
+        self._stopped_at = self._answered = -SEEN_TICKS
         # Of each hand, the move that was stopped, or None.
         self._stopped: list[Stop | None] = [None] * len(state.hands)
 
@@ -555,9 +556,13 @@ class ScopeLead:
 
     def _steps(self) -> bool:
         """Let a key go on a little; not one that was pressed before the last stop was seen."""
-        if 0 <= self.session.spatial.ticks - self._stopped_at < SEEN_TICKS:
+        now = self.session.spatial.ticks
+        if 0 <= now - self._stopped_at < SEEN_TICKS:
             return False
-        self._insist()
+        # Once for each stop: a key that is held, or a stick, would else never come to the next.
+        if self._answered != self._stopped_at:
+            self._answered = self._stopped_at
+            self._insist()
         return True
 
     def _say_stopped(self, advice: str, why: str = "") -> None:
