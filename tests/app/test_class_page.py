@@ -420,7 +420,7 @@ def test_a_level_at_an_anatomy_opens_the_scope_and_is_watched_and_replayed_there
                 expect(looking.get_by_test_id("readout")).to_be_visible()
                 if word == "replay":
                     expect(looking.get_by_role("button", name="Leave the replay")).to_be_visible()
-                looking.close()
+                    looking.close()
             # The teacher sets an exercise there for all.
             lesson.assign(template("critical_view").replace('"normal"', '"artery-outside"'))
             lesson.start()
@@ -428,5 +428,11 @@ def test_a_level_at_an_anatomy_opens_the_scope_and_is_watched_and_replayed_there
             there = view.session.specimen.anatomy
             assert there is not None
             assert there.name == "artery-outside"
+            # Who watches sees the other anatomy, whose nodes are others.
+            looking.wait_for_function(
+                "count => bluntdissectScope.picture?.given?.nodes === count"
+                " && bluntdissectScope.picture.drawn > 2",
+                arg=len(view.session.spatial.beam.places),
+            )
     finally:
         trainer.stop()

@@ -218,15 +218,15 @@ class Drawn:
 
     def __init__(self, session: Session) -> None:
         self._tissue = session.spatial
-        self._pose = HeldScope(anatomy_network(anatomy_named("normal"))).pose
+        self._held = HeldScope(anatomy_network(anatomy_named("normal")))
         self._frame: Frame | None = None
 
-    def send(self, _beam: object, frame: Frame) -> None:
+    def send(self, _beam: object, frame: Frame, _angle: float) -> None:
         self._frame = frame
 
     def opening(self, hand: int) -> float:
         """Return how far a hand's jaws are drawn apart now, mm."""
-        draw_tissue(cast(Any, self), self._tissue, self._pose)
+        draw_tissue(cast(Any, self), self._tissue, self._held)
         assert self._frame is not None
         return self._frame.hands[hand].opening
 

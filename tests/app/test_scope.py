@@ -266,6 +266,8 @@ def test_a_frame_is_small_and_says_what_is_known(made: AnatomyNetwork) -> None:
     """At most 6 kB; places to float32, tautness to a thousandth, and what has parted."""
     bed = made.on_bed()
     packing = Packing(bed)
+    with pytest.raises(ValueError, match="another network"):
+        packing.write(anatomy_network(anatomy_named("short-cystic")).on_bed(), Frame(Pose()), 0.0)
     parted = np.arange(0, made.strands.count, 7)
     bed.state.damage[parted] = 1.0
     hands = [DrawnHand(2, (1.0, 2.0, 3.0), 4.0, 0.5, holds=True)]
@@ -1031,6 +1033,20 @@ def test_what_strains_stops_before_a_wall_breaks(lead: ScopeLead) -> None:
     lead.lead_hand(start + tissue.hands[0].jaws + [0.0, 0.0, 3.0])
     pass_time(lead, session, 1.0)
     assert np.linalg.norm(tissue.hands[0].place - start) > 1.0
+
+
+def test_a_key_that_is_held_tears_nothing(lead: ScopeLead) -> None:
+    """It goes past a stop once for each, and not on and on."""
+    session, tissue = lead.session, lead.session.spatial
+    lead.choose(0)
+    session.grab(0, 8.0, tissue.tubes.names.index("gallbladder"))
+    for _ in range(90):
+        lead.nudge(0.0, 2.0, 0.0)
+        pass_time(lead, session, TICK_SECONDS)
+    assert tissue.events == []
+    assert FIRM.stops_at < tissue.peak_stress_ratio < 0.95
+    title = cast(MagicMock, lead._state.client).add_notification.call_args.args[0]
+    assert title.startswith("Stopped: ")
 
 
 def test_what_slackens_a_wall_goes_on_while_its_stress_still_rises(lead: ScopeLead) -> None:

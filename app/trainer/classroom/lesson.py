@@ -418,12 +418,17 @@ class Lesson:
             client.add_notification("Not here", "This person has no page open.", color="yellow")
             return None
 
+        anatomy = member.view.session.specimen.anatomy
+
         def find() -> Session | None:
+            """Return the person's session, as long as it is seen in the same way."""
             there = self._here(person_id)
-            return None if there is None else there.view.session
+            if there is None:
+                return None
+            session = there.view.session
+            return session if (session.specimen.anatomy is None) == (anatomy is None) else None
 
         def watch(view: PageView) -> None:
-            anatomy = member.view.session.specimen.anatomy
             if anatomy is not None:
                 view.show_anatomy(anatomy)
             view.state.watch(member.view.session, find)

@@ -91,7 +91,7 @@ def filmed(replay: Replay, held: HeldScope, size: tuple[int, int]) -> Generator[
                 page.wait_for_timeout(50)
             tissue = replay.session.spatial
             picture = picture_of(pages[0].scene, held.made, tissue, held.scope)
-            draw_tissue(picture, tissue, held.pose)
+            draw_tissue(picture, tissue, held)
             page.wait_for_function(
                 "() => window.bluntdissectScope?.picture?.state?.frames > 0"
                 " && bluntdissectScope.picture.drawn > 0"
@@ -101,7 +101,7 @@ def filmed(replay: Replay, held: HeldScope, size: tuple[int, int]) -> Generator[
 
             def take() -> Dots:
                 before = page.evaluate(DRAWN)
-                draw_tissue(picture, tissue, held.pose)
+                draw_tissue(picture, tissue, held)
                 with suppress(Error):  # where nothing has moved, nothing is sent
                     page.wait_for_function(
                         "([n, m]) => bluntdissectScope.picture.state.frames > n"

@@ -44,7 +44,7 @@ def scope_page(replay: Replay, *, frames: int) -> str:
     ticks = np.unique(np.rint(np.linspace(0.0, replay.ticks, frames)).astype(int)).tolist()
     with unseen_server() as server:
         picture = picture_of(server.scene, made, session.spatial, held.scope)
-        draw_tissue(picture, session.spatial, held.pose)
+        draw_tissue(picture, session.spatial, held)
         record = server.get_scene_serializer()
         at, written = 0, ""
         for tick in ticks:
@@ -52,7 +52,7 @@ def scope_page(replay: Replay, *, frames: int) -> str:
             replay.seek_tick(tick)
             follow(held, session, tick - at)
             at = tick
-            draw_tissue(picture, session.spatial, held.pose)
+            draw_tissue(picture, session.spatial, held)
             if (words := _caption(session, at)) != written:
                 written = words
                 write_caption(server, words)

@@ -8,9 +8,10 @@ import viser
 
 from app.anatomy import AnatomyNetwork
 from app.simulation import HOLDING, TROCARS, EventKind, Hand, Instrument, SpatialTissue, Trocar
+from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.packing import DrawnHand, Frame, Well
 from app.trainer.scope.picture import ScopePicture
-from app.trainer.scope.pose import Laparoscope, Pose, cross
+from app.trainer.scope.pose import Laparoscope, cross
 
 INSTRUMENTS: tuple[Instrument, ...] = get_args(Instrument)
 HOLDS_APART, READY_APART = 1.0, 5.0
@@ -35,12 +36,12 @@ def picture_of(
     )  # fmt: skip
 
 
-def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, pose: Pose) -> None:
-    """Send a tissue as it is now, seen as the scope is held."""
+def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, held: HeldScope) -> None:
+    """Send a tissue as it is now, seen through a scope as that is held."""
     torn = [(tube, each) for tube, each in enumerate(tissue.torn_elements) if each >= 0]
     torn += [(tube, math.floor(at)) for tube, at in _at_events(tissue, "division")]
     frame = Frame(
-        pose,
+        held.pose,
         hands=[_hand(tissue, number) for number in range(len(tissue.hands))],
         wells=_wells(tissue),
         clips=_at_events(tissue, "clip"),
@@ -57,7 +58,7 @@ def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, pose: Pose) -> Non
         ],
         soil=tissue.lens.soil,
     )
-    picture.send(tissue.beam, frame)
+    picture.send(tissue.beam, frame, held.scope.angle)
 
 
 def _hand(tissue: SpatialTissue, number: int) -> DrawnHand:

@@ -69,7 +69,7 @@ class Packing:
     """Frames of one network; `numbers`, (n, 3), is written anew by each `write`."""
 
     def __init__(self, bed: BeamOnBed) -> None:
-        nodes, strands = bed.places.shape[0], bed.strands.count
+        self._counts = nodes, strands = bed.places.shape[0], bed.strands.count
         size = HEADER + NODE_NUMBERS * nodes + -(-strands // 2)
         self.numbers = np.zeros((-(-size // 3), 3), np.float32)
         flat = self.numbers.reshape(-1)
@@ -78,7 +78,15 @@ class Packing:
         self._strands = flat[HEADER + NODE_NUMBERS * nodes : size]
 
     def write(self, bed: BeamOnBed, frame: Frame, angle: float) -> None:
-        """Write a frame as a scope of an `angle`, rad, sees it; of too many rows the last."""
+        """Write a frame as a scope of an `angle`, rad, sees it; of too many rows the last.
+
+        Raises
+        ------
+        ValueError
+            If the bed is another network's.
+        """
+        if (bed.places.shape[0], bed.strands.count) != self._counts:
+            raise ValueError("these are frames of another network")
         head = self._head
         head[:] = 0.0
         head[POSE : POSE + 5] = frame.pose.numbers

@@ -99,7 +99,7 @@ class ScopePicture:
     dissections
         Of each tube: its surface.
     scope
-        Whose camera the page has.
+        In whose trocar the page's camera is.
     trocars
         Of the hands.
     instruments
@@ -120,7 +120,7 @@ class ScopePicture:
         instruments: Sequence[str],
         plain: bool = False,
     ) -> None:
-        self._scene, self._scope = scene, scope
+        self._scene = scene
         self._packing = Packing(bed)
         # The page makes its shaders' kinds from those of viser's background.
         scene.set_background_image(np.zeros((8, 8, 3), np.uint8), format="png")
@@ -153,9 +153,9 @@ class ScopePicture:
         files = [PAGE / f"{name}.js" for name in SCRIPTS]
         run_picture(scene, files, "bluntdissectScope.show", NODE, given, shaders)
 
-    def send(self, bed: BeamOnBed, frame: Frame) -> None:
-        """Send a frame, if it differs from the last."""
-        self._packing.write(bed, frame, self._scope.angle)
+    def send(self, bed: BeamOnBed, frame: Frame, angle: float) -> None:
+        """Send a frame as a scope of an angle, rad, sees it, if it differs from the last."""
+        self._packing.write(bed, frame, angle)
         stream(self._mesh, "vertices", self._packing.numbers)
 
     def remove(self) -> None:

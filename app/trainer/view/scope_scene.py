@@ -6,10 +6,11 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.anatomy import tube_title
+from app.anatomy import anatomy_network, tube_title
 from app.simulation import Reading, Session
 from app.trainer.client.scope_lead import ScopeLead
 from app.trainer.scope.drawn_tissue import draw_tissue, picture_of
+from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.picture import ScopePicture
 from app.trainer.stage.lighting import Look
 from app.trainer.viser_bridge.page import run_function
@@ -53,7 +54,12 @@ class ScopeScene:
         self.draw(session.reading())
 
     def watch(self, session: Session) -> None:
-        """Show another session of the same anatomy from the next `draw` on."""
+        """Show another session, at an anatomy, from the next `draw` on."""
+        anatomy = session.specimen.anatomy
+        if anatomy is not None and anatomy != self._held.made.anatomy:
+            own = self._led.held
+            self._held = own if anatomy == own.made.anatomy else HeldScope(anatomy_network(anatomy))
+            self._clear()
         self._session = session
 
     def set_look(self, look: Look) -> None:
@@ -86,7 +92,7 @@ class ScopeScene:
         overlay: bool = False,
     ) -> None:
         """Draw the session as it is now, as the camera sees it; `figures` warn of a break."""
-        draw_tissue(self._set_picture(), self._session.spatial, self._held.pose)
+        draw_tissue(self._set_picture(), self._session.spatial, self._held)
         warning = self._near_break(reading) if figures else ""
         if warning != self._warning:
             self._warning = warning
