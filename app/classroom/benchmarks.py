@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from app.anatomy import anatomy_named
 from app.classroom.course import INCIDENTS, LOWER, Benchmark, Course, Level
-from app.classroom.progress import Try
+from app.classroom.progress import Try, value_of
 from app.simulation import (
     FEW,
     MANNERS,
@@ -97,7 +97,10 @@ def scripted_benchmark(
     level: str, metric: str, runs: Sequence[tuple[Metrics, list[Incident]]]
 ) -> Benchmark:
     """Return the benchmark that most of some runs of scripted hands keep, all of which passed."""
-    values = np.array([_value(metric, *each) for each in runs])
+    found = [value_of(metric, *each) for each in runs]
+    values = np.array([each for each in found if each is not None])
+    if not values.size:
+        raise ValueError(f"no run of level {level} has the metric {metric!r} of its benchmark")
     fraction = FRACTION if LOWER[metric] else 1.0 - FRACTION
     mark = float(np.quantile(values, fraction, method="higher" if LOWER[metric] else "lower"))
     return _benchmark(level, metric, mark, values, "scripted", 0)
@@ -130,15 +133,11 @@ def expert_benchmarks(course: Course, tries: Mapping[str, Sequence[Try]]) -> lis
 def _means(level: str, metric: str, tries: Iterable[Sequence[Try]]) -> list[float]:
     """Return each person's mean over the tries of a level that passed."""
     own = (
-        [_value(metric, each.metrics, each.incidents)
-         for each in of_one if each.level == level and each.passed]
+        [value for each in of_one if each.level == level and each.passed
+         if (value := each.value(metric)) is not None]
         for of_one in tries
     )  # fmt: skip
     return [sum(each) / len(each) for each in own if each]
-
-
-def _value(metric: str, metrics: Metrics, incidents: Sequence[Incident]) -> float:
-    return float(len(incidents)) if metric == INCIDENTS else float(metrics[metric])
 
 
 def _benchmark(

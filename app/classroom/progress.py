@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
 from math import log
 from statistics import median
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import msgspec
 import numpy as np
@@ -91,9 +91,21 @@ class Try(msgspec.Struct, frozen=True):
                 lost += max(last - start, 0.0)
         return 1.0 - lost / self.seconds if self.seconds > 0.0 else 1.0
 
-    def value(self, metric: str) -> float:
-        """Return a metric of it, or how many incidents it has."""
-        return float(len(self.incidents) if metric == INCIDENTS else self.metrics[metric])
+    def value(self, metric: str) -> float | None:
+        """Return a metric of it, or how many incidents it has; None where it has none such."""
+        return value_of(metric, self.metrics, self.incidents)
+
+
+def value_of(metric: str, metrics: Metrics, incidents: Sequence[Incident]) -> float | None:
+    """Return a metric of a run, of the hand that has more, or how many incidents there are."""
+    if metric == INCIDENTS:
+        return float(len(incidents))
+    found: Any = metrics.get(metric)
+    if isinstance(found, (list, tuple)):
+        found = max(
+            (each for each in cast("Sequence[Any]", found) if each is not None), default=None
+        )
+    return None if found is None else float(found)
 
 
 class LevelStanding(msgspec.Struct, frozen=True):
@@ -128,8 +140,13 @@ def unmet(course: Course, level: Level, done: Try) -> str:
         )
     for metric, mark in course.marks(level).items():
         value = done.value(metric)
+        title, unit, scale = TITLES.get(metric, ("Incidents of errors", "", 1.0))
+        if value is None:
+            return (
+                f"Passed, but this exercise measures no {title[0].lower()}{title[1:]}, which the "
+                "level's benchmark asks for."
+            )
         if value > mark + 1e-9 if LOWER[metric] else value < mark - 1e-9:
-            title, unit, scale = TITLES.get(metric, ("Incidents of errors", "", 1.0))
             amount = f" {unit}" if unit else ""
             return (
                 f"Passed, but {title[0].lower()}{title[1:]}: {scale * value:.3g}{amount}, "

@@ -167,7 +167,7 @@ class Sender:
                 self.problem, more = str(error), None
             if more is None:
                 self._failures += 1
-                wait = min(LONGEST_WAIT, self._first_wait * 2.0 ** (self._failures - 1))
+                wait = min(LONGEST_WAIT, self._first_wait * 2.0 ** min(self._failures - 1, 60))
                 # A failing store is not asked sooner for what is new.
                 self._stopping.wait(
                     self._retry_after or wait * random.uniform(0.5, 1.0)  # noqa: S311 (spread)

@@ -169,6 +169,16 @@ def test_two_benchmarks_of_one_metric_are_refused() -> None:
         read_course(twice)
 
 
+def test_a_benchmark_of_what_a_run_has_not_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And of hands that one counts which has more."""
+    done = tried()
+    monkeypatch.setattr(Course, "marks", lambda *_: {"maximum_force_N": 3.0})
+    assert "measures no maximum force" in unmet(small(), small().level[0], done)
+    for forces, kept in (((1.0, 3.0), True), ((3.1, 0.0), False)):
+        each = msgspec.structs.replace(done, metrics={"maximum_force_N": forces})
+        assert (unmet(small(), small().level[0], each) == "") == kept
+
+
 def test_three_passes_in_a_row_on_beds_not_seen_before_master_a_level() -> None:
     one, two, three = (tried(seed=seed, day=seed) for seed in (1, 2, 3))
     assert (first([]).state, first([]).row, first([]).seed) == ("open", 0, 1)

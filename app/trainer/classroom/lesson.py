@@ -471,9 +471,11 @@ class Lesson:
         current = self.assignment
         with self._lock:
             run_id, started_at = self._ids.setdefault(run, (uuid4().hex, now()))
-        mine = current is not None and run.exercise == current[1].exercise
         exercise: Exercise | None = run.exercise
         level = member.level[0] if member.level and member.level[1] == exercise else None
+        # One that was set and has been stopped takes no try from a level that asks for the same.
+        goes_on = current is not None and (current[0].goes_on or level is None)
+        mine = current is not None and goes_on and exercise == current[1].exercise
         level = None if mine else level
         seed = member.level[2] if level and member.level else None
         course = self.course.course
