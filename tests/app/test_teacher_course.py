@@ -180,7 +180,7 @@ def test_points_for_a_photograph_are_kept_as_they_are_chosen(
     for given in ("0", "6", ""):
         teacher.reload()
         teacher.get_by_text("Photographs for the record").click()
-        teacher.wait_for_function("document.querySelector('figure img')?.naturalWidth === 40")
+        expect(teacher.locator("figure img")).to_have_js_property("naturalWidth", 40)
         choice = teacher.get_by_label("yours")
         assert choice.locator("option").all_text_contents() == ["none", *map(str, range(7))]
         choice.select_option(given)
