@@ -143,7 +143,8 @@ def test_a_wish_made_after_a_result_is_not_taken_back(browser: Browser, trainer:
         session = view.session
         near = Exercise("near", "Near", Stay("distance_to_break", 0.0, 0.9, 0.1))
         session.start_exercise(near, inputs="any")
-        tab.slide("Force F (N)", 2.0)
+        view.state.set_target_force(2.0)
+        tab.wait_until(lambda: session.run.over)
         tab.page.get_by_test_id("outcome").wait_for()
         tab.page.get_by_role("dialog").get_by_role("button", name="Close").click()
         expect(tab.page.get_by_role("dialog")).to_have_count(0)
