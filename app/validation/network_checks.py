@@ -108,9 +108,11 @@ def t_peel(stretching: float = 8.0) -> BedCheck:  # N
     """Peel two arms apart: G = 2 F + F^2/EA, the work of both less what they store."""
     toughness = 0.12
     rows = np.array([stretching, 50.0, 50.0, 0.2, 0.2, 0.2])
-    made = _two_arms(80.0, 160, 64.0, 512, (0.3, toughness, 2.0), rows)
-    nodes = [made.take(80.0, name, along=(False, False, True)) for name in ("top", "low")]
-    # The force goes up and down with each element that parts: its mean is the work over the way.
+    # What is still joined is short: its long tail would tilt to one side, as nothing holds it level.
+    length = 46.0
+    made = _two_arms(length, 92, 30.0, 240, (0.3, toughness, 2.0), rows)
+    nodes = [made.take(length, name, along=(False, False, True)) for name in ("top", "low")]
+    # The force goes up and down with each element that parts: its mean is the work over the path.
     size, begin, end, before = 0.25, 80, 120, 0.0
     for step in range(1, end + 1):
         for node, side in zip(nodes, (size, -size), strict=True):

@@ -389,13 +389,11 @@ def test_two_beams_joined_by_strands_open_as_kanninen_s(elements: int, error: fl
     assert check.found == pytest.approx(check.expected, rel=error)
 
 
-@pytest.mark.parametrize(
-    ("stretching", "error"), [(1.0, 1.7e-3), pytest.param(8.0, 1e-4, marks=pytest.mark.long)]
-)
-def test_two_arms_peel_apart_at_a_t(stretching: float, error: float) -> None:
-    """G = 2 F + F^2 / EA, the work of both arms less what they store; soft arms come to lean."""
+@pytest.mark.parametrize("stretching", [1.0, 8.0])
+def test_two_arms_peel_apart_at_a_t(stretching: float) -> None:
+    """G = 2 F + F^2 / EA, the work of both arms less what they store."""
     check = t_peel(stretching)
-    assert check.found == pytest.approx(check.expected, rel=error)
+    assert check.found == pytest.approx(check.expected, rel=1e-4)
     assert check.unexplained < 1e-4
 
 
