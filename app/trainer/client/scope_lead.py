@@ -76,6 +76,8 @@ it otherwise."""
 ON_PATH_MM, IN_FRONT_MM = 2.0, 25.0
 """Off a ring's path, from which on a tip that goes there by itself comes out before it goes aside,
 and how far before the ring it then is at most."""
+RING_MOVES = 3
+"""Of a ring away from the tip that goes there, in a row, after which the tip is held up."""
 NEARS_MM, NEARS_MM_S, IN_TISSUE_MM_S, DRAWS_MM_S = 15.0, 15.0, 8.0, 3.0
 """Off a ring, within which a tip that goes there by itself goes no faster; and how fast at most
 among strands, as errors have it (`fast_in_tissue`), or with open blades, and with what it
@@ -173,6 +175,8 @@ class ScopeLead:
         # (3,) mm each: the ring to which the active hand's tip goes by itself, and where that was
         # at the end of the last leg there.
         self._seeks: tuple[Floats, Floats] | None = None
+        # For what the ring last moved away from a tip that went there, and how often in a row.
+        self._moved_away = "", 0
         # Of each hand, how far its jaws go apart or together, mm, or None.
         self._jaws: list[float | None] = [None] * len(state.hands)
         self._crushes = [False] * len(state.hands)  # whether what closing jaws strain waits
@@ -358,8 +362,16 @@ class ScopeLead:
             return
         (asked, before), tip = self._seeks, hand.tip
         ring, to_ring = self.asked.place, self.to_ring
-        if step is None or ring is None or to_ring is None or math.dist(ring, asked) > IN_RING_MM:
+        if step is None or ring is None or to_ring is None:
             self._seeks = None
+            return
+        if math.dist(ring, asked) > IN_RING_MM:
+            self._seeks = None
+            words, times = self._moved_away
+            self._moved_away = step.words, times + 1 if words == step.words else 1
+            # It goes with the tissue that the tip pushes.
+            if self._moved_away[1] % RING_MOVES == 0:
+                self.asked.note_blocked()
             return
         right, up, into = to_ring
         aside = math.hypot(right, up)
