@@ -5,7 +5,13 @@ What is listed here is the package's public face; other packages import from it 
 """
 
 from app.bed_preset import BedPreset, bed_named, bed_presets
-from app.simulation.exercises.critical_view import MOST_POINTS, CriticalView, Tenting
+from app.simulation.exercises.critical_view import (
+    MOST_POINTS,
+    ONE_POINT,
+    TWO_POINTS,
+    CriticalView,
+    Tenting,
+)
 from app.simulation.exercises.errors import (
     CONSEQUENCES,
     ERROR_CLASSES,
@@ -160,6 +166,7 @@ __all__ = [
     "MOST_OPENING",
     "MOST_POINTS",
     "MOST_SUCTION",
+    "ONE_POINT",
     "PIECES",
     "REACH",
     "SETTLED_SECONDS",
@@ -172,6 +179,7 @@ __all__ = [
     "TOWARDS_VIEWER",
     "TROCARS",
     "TURNED",
+    "TWO_POINTS",
     "VERTICES",
     "BeamModel",
     "BedPreset",

@@ -6,7 +6,7 @@ from app.anatomy import tube_title
 from app.simulation.exercises.critical_view import MOST_POINTS, CriticalView
 from app.simulation.inputs.clock import TICK_SECONDS, TICKS_PER_SECOND
 from app.simulation.session.session import Session
-from app.simulation.tissue.safety import ENOUGH, SOME, Safety
+from app.simulation.tissue.safety import ONE_POINT, TWO_POINTS, Safety
 from app.simulation.tissue.spatial_tissue import EventKind
 
 LOOK_TICKS = TICKS_PER_SECOND
@@ -41,7 +41,7 @@ class Sights:
             return
         view, now, seen = self._safety.critical_view(), tick * TICK_SECONDS, self._seen
         for what, fraction in _fractions(view):
-            level = max((each for each in (SOME, ENOUGH) if fraction >= each), default=0.0)
+            level = max((each for each in (ONE_POINT, TWO_POINTS) if fraction >= each), default=0.0)
             if level > self._reached.get(what, 0.0):
                 self._reached[what] = level
                 seen.append(Seen(now, what.format(f"{100.0 * level:.0f} %")))

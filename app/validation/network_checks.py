@@ -108,7 +108,7 @@ def t_peel(stretching: float = 8.0) -> BedCheck:  # N
     """Peel two arms apart: G = 2 F + F^2/EA, the work of both less what they store."""
     toughness = 0.12
     rows = np.array([stretching, 50.0, 50.0, 0.2, 0.2, 0.2])
-    # What is still joined is short: its long tail would tilt to one side, as nothing holds it level.
+    # What is still joined is short: a long tail would tilt, as nothing holds it level.
     length = 46.0
     made = _two_arms(length, 92, 30.0, 240, (0.3, toughness, 2.0), rows)
     nodes = [made.take(length, name, along=(False, False, True)) for name in ("top", "low")]

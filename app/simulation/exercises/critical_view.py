@@ -8,7 +8,7 @@ from app.anatomy import tube_title
 
 MOST_POINTS = 6
 """Of the critical view: two for each of its parts."""
-ENOUGH, SOME = 0.9, 0.6
+TWO_POINTS, ONE_POINT = 0.9, 0.6
 """Fractions of a region's strands that have parted, for two points and for one."""
 CLEARED = 0.8
 """Fraction of the triangle's strands, from which on the gallbladder is drawn off the liver: freed
@@ -40,11 +40,11 @@ class CriticalView:
 
     def checklist(self) -> list[str]:
         """Return for each of its parts how many points it has, how free it is and must be."""
-        # One point asks for one structure and SOME of the neck, two for both and ENOUGH of it.
+        # A point asks for one structure and ONE_POINT of the neck, two for both and TWO_POINTS.
         around = [
             f"{tube_title(name)} {_percent(is_free)}" for name, is_free in self.structures.items()
         ]
-        neck = f"neck {_percent(self.neck)}, {_percent(ENOUGH)} asked of each"
+        neck = f"neck {_percent(self.neck)}, {_percent(TWO_POINTS)} asked of each"
         return [
             _line("two tubes alone", self.two_structures, ", ".join([*around, neck])),
             _line("triangle", self.triangle_cleared, _free(self.triangle)),
@@ -57,7 +57,8 @@ class CriticalView:
             return 1.0
         # Two structures alone are seen at once; what is on its way to a point counts in part.
         parts = self.two_structures + sum(
-            min(each / SOME, 1.0) + min(max(each - SOME, 0.0) / (ENOUGH - SOME), 1.0)
+            min(each / ONE_POINT, 1.0)
+            + min(max(each - ONE_POINT, 0.0) / (TWO_POINTS - ONE_POINT), 1.0)
             for each in (self.triangle, self.plate)
         )
         return min(parts / points, NEARLY)
@@ -96,8 +97,8 @@ def _line(what: str, points: int, is_free: str) -> str:
 
 
 def _free(fraction: float) -> str:
-    asked = SOME if fraction < SOME else ENOUGH
-    both = f" for {MOST_POINTS // 3} points" if asked == ENOUGH else ""
+    asked = ONE_POINT if fraction < ONE_POINT else TWO_POINTS
+    both = f" for {MOST_POINTS // 3} points" if asked == TWO_POINTS else ""
     return f"{_percent(fraction)} free, {_percent(asked)} asked{both}"
 
 

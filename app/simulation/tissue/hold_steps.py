@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy import tube_title
-from app.simulation.exercises.critical_view import SOME
+from app.simulation.exercises.critical_view import ONE_POINT
 from app.simulation.exercises.next_step import (
     DRAW_ASIDE,
     DRAW_DOWN,
@@ -47,8 +47,8 @@ GIVES_WAY = 15
 """Strands that part, from which on it is drawn no further: more may part at once, and a vessel take
 the pull over."""
 BACK_MM = 6.0
-"""mm off where it was taken hold of, to which the gallbladder is let back once `SOME` of its plate
-has parted: as the rest gives way, artery and duct take the pull over."""
+"""mm off where it was taken hold of, to which the gallbladder is let back once `ONE_POINT` of its
+plate has parted: as the rest gives way, artery and duct take the pull over."""
 EASES_MM = 3.0
 """By which what is held is let back at a time."""
 IS_BACK_MM, NEARLY_TORN = 1.0, 0.85
@@ -177,7 +177,12 @@ class HoldSteps:
     def let_back(self, plate: float) -> NextStep | None:
         """Return how far it is let back before the rest of its plate gives way, if it is."""
         holder, back = self.holder, self._held_from
-        if self._held_for is not OFF_THE_LIVER or plate < SOME or holder is None or back is None:
+        if (
+            self._held_for is not OFF_THE_LIVER
+            or plate < ONE_POINT
+            or holder is None
+            or back is None
+        ):
             return None
         held = self._tissue.hands[holder].tip
         if math.dist(held, back) < BACK_MM + IN_RING_MM:

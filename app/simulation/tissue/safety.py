@@ -2,9 +2,9 @@
 
 The critical view of safety [Strasberg & Brunt 2010] has three parts of 0 to 2 points each: two and
 only two structures enter the gallbladder; the hepatocystic triangle is cleared; the lower third of
-the cystic plate is freed. A part is judged by the share of its strands that have parted: `ENOUGH`
-for 2 points, `SOME` for 1. Once a structure has torn nothing is safe: what the tear parted does not
-count, and no part has a point.
+the cystic plate is freed. A part is judged by the share of its strands that have parted:
+`TWO_POINTS` for 2 points, `ONE_POINT` for 1. Once a structure has torn nothing is safe: what the
+tear parted does not count, and no part has a point.
 """
 
 import math
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.simulation.exercises.critical_view import (
-    ENOUGH,
-    SOME,
+    ONE_POINT,
+    TWO_POINTS,
     Closing,
     CriticalView,
     Part,
@@ -179,12 +179,12 @@ class Safety:
             fraction(self._triangle),
             fraction(self._plate),
         )
-        clear = sum(each >= ENOUGH for each in structures.values())
+        clear = sum(each >= TWO_POINTS for each in structures.values())
         two = 0
         if not divided & structures.keys():
-            if clear == len(structures) and neck >= ENOUGH:
+            if clear == len(structures) and neck >= TWO_POINTS:
                 two = 2
-            elif clear >= 1 and neck >= SOME:
+            elif clear >= 1 and neck >= ONE_POINT:
                 two = 1
         points = two, _points(triangle), _points(plate)
         if torn:
@@ -196,8 +196,8 @@ class Safety:
         if part != "tubes":
             return self._triangle if part == "triangle" else self._plate
         view = self.critical_view()
-        masks = [self._about[name] for name, free in view.structures.items() if free < ENOUGH]
-        neck = self._neck & (view.neck < ENOUGH)
+        masks = [self._about[name] for name, free in view.structures.items() if free < TWO_POINTS]
+        neck = self._neck & (view.neck < TWO_POINTS)
         return np.any([neck, *masks], axis=0)
 
     def freed_all_round(self) -> dict[str, float]:
@@ -246,7 +246,7 @@ class Safety:
 
 
 def _points(fraction: float) -> int:
-    return 2 if fraction >= ENOUGH else 1 if fraction >= SOME else 0
+    return 2 if fraction >= TWO_POINTS else 1 if fraction >= ONE_POINT else 0
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

@@ -18,7 +18,9 @@ from app.anatomy import (
 from app.simulation import (
     GRIP_N,
     HOLDING,
+    ONE_POINT,
     TURNED,
+    TWO_POINTS,
     Instrument,
     Reading,
     seen_beside,
@@ -156,6 +158,15 @@ close and open the jaws.
 
 A hand that holds a tube goes at most {HOLDS} mm/s, whatever the mouse does, and stops when you let
 go of the mouse: look at the stress while you pull. To clip and divide, free a tube all round first.
+
+**The six points.** The critical view has three parts of up to 2 points each. *Two tubes alone*:
+cystic duct and cystic artery, a point each, whose last millimetres before the gallbladder, and its
+neck, are free all round ({TWO_POINTS} % of their strands). The *triangle* between them and the
+common duct, and the lower third of the *cystic plate*: 1 point from {ONE_POINT} % of the strands
+on, 2 from {TWO_POINTS} %. After a tear none counts.
+
+**The stress.** *Highest stress* is of the wall that is strained most: at 100 % of its break it
+tears. Where *Distance to break* is written, that is what is left of the 100 %.
 
 **The scope.** An assistant holds it and keeps both tips in view. Choose *Scope*, or **Y**, to
 lead it yourself, or drag with the middle button; **V** gives it back. Blood that jets, and touch,
@@ -521,7 +532,12 @@ def _moves(to_ring: tuple[float, float, float], *, holds: bool, in_tissue: bool)
 
 def _text() -> str:
     each = "\n".join(f"- **{name.capitalize()}**: {how}" for name, how in HOW.items())
-    return TEXT.replace("{INSTRUMENTS}", each).replace("{HOLDS}", f"{HOLDS_MM_S:g}")
+    return TEXT.format(
+        INSTRUMENTS=each,
+        HOLDS=f"{HOLDS_MM_S:g}",
+        TWO_POINTS=f"{100.0 * TWO_POINTS:.0f}",
+        ONE_POINT=f"{100.0 * ONE_POINT:.0f}",
+    )
 
 
 def _keys_text() -> str:
