@@ -11,7 +11,7 @@ from program import LONGEST, refused
 from simulated import phantom
 
 from app.anatomy import anatomy_named
-from app.simulation import TOWARDS_VIEWER, Exercise, Stay
+from app.simulation import TOWARDS_VIEWER, Exercise, Feedback, Stay
 from app.trainer.client import background_worker
 from app.trainer.client.background_worker import BackgroundWorker
 from app.trainer.client.practice import Practice
@@ -76,6 +76,17 @@ def test_a_pull_that_goes_on_after_an_exercise_takes_no_result_away(view: Any) -
     view.tick(0.2)
     assert view.session.planar.grasper.slider_force == 2.5
     assert len(view._panel.results) == 1
+
+
+def test_each_try_begins_with_the_view_home(view: Any) -> None:
+    near = Exercise("near", "Near", Stay("distance_to_break", 0.0, 0.9, 0.1))
+    view.tick(0.2)
+    for tries in (1, 2):
+        view._scene.frame_camera.reset_mock()
+        view.state.start_exercise(near, Feedback.CONTINUOUS)
+        view.tick(0.2)
+        view.tick(0.2)
+        assert view._scene.frame_camera.call_count == 1, tries
 
 
 def test_a_result_waits_for_no_long_work_of_others(view: Any) -> None:

@@ -403,6 +403,7 @@ class PageState:
         self.hand = min(max(exercise.first_hand, self.device_hands), len(self.hands) - 1)
         session, inputs = self.session, self.exercise_inputs
         self._renew(lambda: session.start_exercise(exercise, feedback, grasp, inputs))
+        self.bring_home()  # each try begins with the same view
 
     def choose_policy(self, role: Role) -> None:
         """Choose what a policy does beside exercises: from the next one on if one goes on."""
