@@ -34,9 +34,9 @@ WIDTH, HEIGHT, LEFT, ROW = 260.0, 80.0, 30.0, 15.0
 """px of the picture, of its curve, of the room left of it, and of a hand's row of marks."""
 DIGIT, APART = 6.0, 3.0
 """px of a digit of an error's number beside its mark, and between two of them."""
-LIST_PX, SHOWN = 140, 2
-"""Height of the list of errors, and how many that shows: it scrolls, and all else fits beside it on
-a small screen."""
+LIST_PX, BESIDE_PX, SHOWN = 140, 660, 2
+"""Least height of the list of errors, and what all else takes of a screen: the list scrolls, and
+has what a large screen leaves; and how many errors the smallest list shows."""
 HANDS = ("left hand", "right hand")
 PAST = "#ff8a80"
 HEAD = "text-align:right;font-weight:400;padding-left:12px;max-width:72px;vertical-align:bottom"
@@ -198,7 +198,8 @@ class Debrief:
             )
         errors = (
             f"<small>{_count(len(done.incidents))}</small>"
-            f"<ol style='list-style:none;margin:4px 0 0;padding:0;max-height:{LIST_PX}px;"
+            f"<ol style='list-style:none;margin:4px 0 0;padding:0;"
+            f"max-height:max({LIST_PX}px,100dvh - {BESIDE_PX}px);"
             "overflow-y:auto;scrollbar-width:thin;scrollbar-color:#888 transparent' tabindex='0' "
             f"aria-label='Errors'>{''.join(rows)}</ol>"
             if rows
