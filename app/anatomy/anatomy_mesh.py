@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from app.anatomy.anatomy_geometry import TubeLine
 from app.anatomy.tables import Anatomy
 from app.anatomy.tube_organ import tube_organ
-from organ_geometry.mesh import SUFFIXES, Surface, mesh_content, organ_skin
+from organ_geometry.mesh import NAMED_SUFFIXES, SUFFIXES, Surface, mesh_content, organ_skin
 
 if TYPE_CHECKING:
     import trimesh
@@ -26,7 +26,7 @@ _NUDGE, _ROUNDS = 0.01, 4
 def mesh_suffix(path: Path, *, merged: bool) -> str:
     """Return the kind of mesh that a file's name asks for; a ValueError if there is none."""
     suffix = path.suffix.lower()
-    offered = [each for each in SUFFIXES if not (merged and each == ".glb")]
+    offered = [each for each in SUFFIXES if not (merged and each in NAMED_SUFFIXES)]
     if suffix not in offered:
         raise ValueError(f"a mesh's name must end in {', '.join(offered)}, not {path.name!r}")
     return suffix

@@ -62,7 +62,8 @@ def anatomy(
     mesh: Annotated[
         Path | None,
         typer.Option(
-            help="Write the tubes' surfaces, each closed: .glb (by name), .stl, .ply or .obj."
+            help="Write the tubes' surfaces, each closed: .glb (by name), .stl, .ply or .obj; "
+            ".zip has an .stl for each tube."
         ),
     ] = None,
     merged: Annotated[

@@ -36,7 +36,9 @@ def export(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="File to write: .glb, .stl, .ply, .obj, .vtp, .pvd or .csv."
+            "--output",
+            "-o",
+            help="File to write: .glb, .stl, .ply, .obj, .zip of .stl, .vtp, .pvd or .csv.",
         ),
     ] = None,
     html: Annotated[

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 # Kinds of file that play a run, and those that have its end, by suffix.
 PLAYED = (".glb", ".html", ".pvd", ".webm", ".webp")
 FILMS = (".webm", ".webp")
-MOMENT = (".vtp", ".stl", ".ply", ".obj")
+MOMENT = (".vtp", ".stl", ".ply", ".obj", ".zip")
 SERIES_FRAMES = 60
 MOST_ERRORS = 20
 
@@ -37,7 +37,8 @@ def replay(
             "--output",
             "-o",
             help="File of the run: a rigged .glb, a page, .html, or a series with stresses, .pvd; "
-            "at an anatomy also a film, .webm or .webp; its end as .vtp, .stl, .ply or .obj.",
+            "at an anatomy also a film, .webm or .webp; its end as .vtp, .stl, .ply, .obj, "
+            "or .zip with an .stl for each tube.",
         ),
     ] = None,
     frames: Annotated[

@@ -12,7 +12,7 @@ from organ_geometry.mesh.color import (
 )
 from organ_geometry.mesh.gltf_file import GLTF_FROM_MM, Finish, GltfFile, VectorKind, metres, turned
 from organ_geometry.mesh.gltf_mesh import skin_primitives
-from organ_geometry.mesh.mesh_file import COLORED_SUFFIXES, SUFFIXES, mesh_content
+from organ_geometry.mesh.mesh_file import COLORED_SUFFIXES, NAMED_SUFFIXES, SUFFIXES, mesh_content
 from organ_geometry.mesh.normals import vertex_normals
 from organ_geometry.mesh.skin import BoundSkin, Skin, Surface, organ_skin, ring_angles
 from organ_geometry.mesh.tear import TornPiece, torn_pieces
@@ -23,6 +23,7 @@ __all__ = [
     "COLOR_MAP",
     "GLTF_FROM_MM",
     "INSIDE",
+    "NAMED_SUFFIXES",
     "OUTER_WALL",
     "SUFFIXES",
     "BoundSkin",

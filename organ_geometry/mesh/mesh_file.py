@@ -1,6 +1,9 @@
-"""Mesh files: STL, PLY and OBJ in mm, GLB in metres with y up."""
+"""Mesh files: STL, PLY and OBJ in mm, GLB in metres with y up, ZIP of an STL for each surface."""
 
+import re
 from collections.abc import Sequence
+from io import BytesIO
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +12,10 @@ from organ_geometry.mesh.gltf_file import GltfFile
 from organ_geometry.mesh.gltf_mesh import skin_primitives
 from organ_geometry.mesh.skin import Surface
 
-SUFFIXES = (".stl", ".ply", ".obj", ".glb")
+SUFFIXES = (".stl", ".ply", ".obj", ".glb", ".zip")
 """Kinds of file, by suffix."""
+NAMED_SUFFIXES = (".glb", ".zip")
+"""Those that have each surface by its name."""
 COLORED_SUFFIXES = (".ply", ".glb")
 """Those that keep the colours of vertices."""
 
@@ -21,6 +26,8 @@ def mesh_content(
     """Return closed surfaces as a file; (V, 3) sRGB colours for each of them, or none."""
     if suffix == ".glb":
         return _glb(surfaces, colors)
+    if suffix == ".zip":
+        return _zip(surfaces)
     return _flat(surfaces, suffix.removeprefix("."), colors)
 
 
@@ -31,6 +38,21 @@ def _glb(surfaces: Sequence[Surface], colors: Sequence[NDArray[np.uint8]]) -> by
         mesh = {"name": surface.name, "primitives": [each.item for each in found]}
         file.add_root({"name": surface.name, "mesh": file.add("meshes", mesh)})
     return file.content()
+
+
+def _zip(surfaces: Sequence[Surface]) -> bytes:
+    """Return an archive of an STL for each surface, with its name."""
+    packed, names = BytesIO(), set[str]()
+    with ZipFile(packed, "w") as archive:
+        for surface in surfaces:
+            name = re.sub(r"[^\w-]+", "_", surface.name)
+            if name.casefold() in names:
+                raise ValueError(f"two surfaces have the file name {name}.stl: rename one of them")
+            names.add(name.casefold())
+            # Of a fixed date, so that the same surfaces give the same bytes.
+            entry = ZipInfo(f"{name}.stl")
+            archive.writestr(entry, _flat([surface], "stl", ()), ZIP_DEFLATED)
+    return packed.getvalue()
 
 
 def _flat(surfaces: Sequence[Surface], kind: str, colors: Sequence[NDArray[np.uint8]]) -> bytes:

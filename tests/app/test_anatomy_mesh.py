@@ -54,6 +54,37 @@ def test_every_tube_is_closed(tmp_path: Path) -> None:
     assert volumes == pytest.approx(round_ones, rel=0.06)
 
 
+def test_a_zip_has_an_stl_of_each_tube(tmp_path: Path) -> None:
+    """Each closed, by the tube's name, and together what the one STL has."""
+    apart, one = tmp_path / "tubes.zip", tmp_path / "tubes.stl"
+    for path in (apart, one):
+        assert run("anatomy", "normal", "--mesh", path).returncode == 0
+    shutil.unpack_archive(apart, tmp_path / "tubes")
+    tubes = {path.stem: mesh_of(path) for path in (tmp_path / "tubes").iterdir()}
+    assert sorted(tubes) == sorted(NORMAL)
+    whole = mesh_of(one)
+    for tube in tubes.values():
+        assert tube.is_watertight
+        assert tube.body_count == 1
+    assert sum(len(tube.faces) for tube in tubes.values()) == len(whole.faces)
+    assert sum(tube.volume for tube in tubes.values()) == pytest.approx(whole.volume, rel=1e-9)
+    assert max(tubes, key=lambda name: tubes[name].volume) == "gallbladder"
+
+
+def test_tubes_of_one_file_name_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "anatomy.toml"
+    path.write_text(
+        shipped_anatomies()["normal"]
+        .read_text()
+        .replace('"cystic"', '"a b"')
+        .replace('"artery"\nkind', '"a_b"\nkind')
+        .replace('tube = "artery"', 'tube = "a_b"')
+    )
+    said = refused(["anatomy", path, "--mesh", tmp_path / "tubes.zip"])
+    assert "two surfaces have the file name a_b.stl: rename one of them" in said
+    assert not (tmp_path / "tubes.zip").exists()
+
+
 @pytest.mark.parametrize("name", shipped_anatomies())
 def test_merged_tubes_are_one_closed_surface(name: str, tmp_path: Path) -> None:
     """As far as they join: so no joined tube's surface stands off the one that it joins."""
@@ -176,6 +207,7 @@ def test_an_organ_elsewhere_is_refused(tmp_path: Path) -> None:
         (["normal", "--merged"], "--merged goes with --mesh"),
         (["normal", "--mesh", "a.step"], ".stl"),
         (["normal", "--mesh", "a.glb", "--merged"], ".stl"),
+        (["normal", "--mesh", "a.zip", "--merged"], ".stl, .ply, .obj, not"),
         (["--list", "--mesh", "a.stl"], "--mesh is of one anatomy"),
     ],
 )

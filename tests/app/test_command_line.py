@@ -165,7 +165,7 @@ def test_a_tighter_tolerance_keeps_more_sections(tmp_path: Path) -> None:
     assert kept[0] > kept[1]
 
 
-@pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".glb"])
+@pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".glb", ".zip"])
 def test_export_is_closed_and_has_the_volume_of_the_organ(
     duct: Path, tmp_path: Path, suffix: str
 ) -> None:

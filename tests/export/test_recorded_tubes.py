@@ -1,10 +1,14 @@
 """Runs at several tubes as files: each tube moves as the session moved it, with its stresses."""
 
 from functools import cache
+from html import unescape
+from io import BytesIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
+import trimesh
 from gltf_reader import Gltf
 from other_programs import validated
 from program import refused, run
@@ -16,6 +20,7 @@ from app.export.motion import WHOLE
 from app.export.recorded_run import RecordedRun, rigged_runs, run_snapshots
 from app.export.recorded_tubes import recorded_runs
 from app.simulation import FEW, Session, Specimen, performed, read_script, run_json
+from app.trainer.pages.downloads import run_download
 from assets import SCRIPTS
 from organ_geometry.mesh import organ_skin
 
@@ -167,3 +172,46 @@ def test_what_cannot_be_written_is_refused(
     run_path: Path, arguments: list[str | int], sentence: str
 ) -> None:
     assert sentence in refused(["replay", run_path, *arguments])
+
+
+def test_the_end_of_a_run_has_an_stl_of_each_tube(run_path: Path, tmp_path: Path) -> None:
+    """The torn artery's are two; each is closed, and together they are what the one STL has."""
+    apart, one = tmp_path / "end.zip", tmp_path / "end.stl"
+    for path in (apart, one):
+        done = run("replay", run_path, "-o", path, "--edge-length", 1.0)
+        assert done.returncode == 0, done.stderr
+    with ZipFile(apart) as archive:
+        tubes = {Path(name).stem: stl(archive.read(name)) for name in archive.namelist()}
+    whole = [name for name in hasty().spatial.tubes.names if name != "artery"]
+    assert set(tubes) == {*whole, *TORN}
+    assert all(each.is_watertight and each.body_count == 1 for each in tubes.values())
+    total = stl(one.read_bytes()).volume
+    assert sum(each.volume for each in tubes.values()) == pytest.approx(total, rel=1e-9)
+
+
+def test_a_page_sends_all_tubes_of_a_run() -> None:
+    """Named after the anatomy; what plays it shows it through the scope."""
+    organ = hasty().tissue.dissection.organ
+    tubes = hasty().spatial.tubes.names
+
+    def file(suffix: str) -> bytes:
+        sent = run_download(hasty().run_file(), organ, suffix, vertices=2000)
+        assert sent.name == f"normal{suffix}"
+        return sent.content
+
+    assert {mesh["name"] for mesh in Gltf(file(".glb")).tree["meshes"]} == {*tubes, *TORN}
+    with ZipFile(BytesIO(file(".stl.zip"))) as archive:
+        shown = {Path(name).stem: stl(archive.read(name)) for name in archive.namelist()}
+    assert set(shown) == {*TORN, *tubes} - {"artery"}
+    total = stl(file(".stl")).volume
+    assert sum(each.volume for each in shown.values()) == pytest.approx(total, rel=1e-9)
+    assert max(len(each.vertices) for each in shown.values()) == pytest.approx(2000, rel=0.2)
+    with ZipFile(BytesIO(file(".zip"))) as archive:
+        assert archive.namelist() == ["normal.vtp", "normal_strands.vtp"]
+    assert "Calot's triangle, anatomy normal" in unescape(file(".html").decode())
+
+
+def stl(content: bytes) -> trimesh.Trimesh:
+    mesh = trimesh.load_mesh(BytesIO(content), file_type="stl")
+    assert isinstance(mesh, trimesh.Trimesh)
+    return mesh

@@ -1,6 +1,8 @@
 """Mesh files: what is written is what is read, whole or not at all."""
 
+from io import BytesIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -31,7 +33,8 @@ def test_every_kind_comes_back_closed_and_in_place(tmp_path: Path, suffix: str, 
     components = pieces_of(torn)
     path = tmp_path / f"duct{suffix}"
     path.write_bytes(mesh_content(components, suffix))
-    loaded = trimesh.load_mesh(path, process=False) if suffix != ".stl" else trimesh.load_mesh(path)
+    # A vertex of an STL is written once for each of its triangles.
+    loaded = trimesh.load_mesh(path, process=suffix in (".stl", ".zip"))
     if suffix == ".glb":  # a vertex for each side of an edge, at one place
         loaded.merge_vertices(merge_norm=True, merge_tex=True)
     vertices = np.concatenate([fraction.vertices for fraction in components])
@@ -50,6 +53,22 @@ def test_every_kind_comes_back_closed_and_in_place(tmp_path: Path, suffix: str, 
     assert loaded.volume == pytest.approx(scale * expected, rel=1e-4)
     assert len(loaded.split(only_watertight=True)) == len(components)
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_zip_has_an_stl_of_each_surface_by_its_name() -> None:
+    """Names that lead elsewhere, as those of somebody's tubes may, stay in the folder."""
+    (organ,) = pieces_of(torn=False)
+    named = [Surface(name, organ.skin, organ.vertices) for name in ("../a/b", "\u00e9tat", "C:x y")]
+    content = mesh_content(named, ".zip")
+    assert content == mesh_content(named, ".zip")
+    with ZipFile(BytesIO(content)) as archive:
+        assert archive.namelist() == ["_a_b.stl", "\u00e9tat.stl", "C_x_y.stl"]
+        assert {archive.read(name) for name in archive.namelist()} == {
+            mesh_content([organ], ".stl")
+        }
+    again = Surface("c:X\ty", organ.skin, organ.vertices)
+    with pytest.raises(ValueError, match=r"two surfaces have the file name c_X_y\.stl"):
+        mesh_content([*named, again], ".zip")
 
 
 def test_glb_keeps_the_pieces_apart_and_shaded(tmp_path: Path) -> None:

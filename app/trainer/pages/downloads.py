@@ -3,15 +3,18 @@
 import io
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 from zipfile import ZIP_DEFLATED, ZipFile
 
 from app.export.motion import MOST_FRAMES, PAGE_FRAMES
 from app.export.pull_export import PullExport
-from app.export.recorded_run import RecordedRun, rigged_runs, run_snapshots
+from app.export.recorded_run import rigged_runs, run_snapshots
+from app.export.recorded_tubes import recorded_runs
 from app.export.vtk_series import snapshot_contents
-from app.simulation import Phase, RunFile, Session, Specimen
+from app.simulation import Phase, Replay, RunFile, RunLog, Session, Specimen
 from app.trainer.pages.html_player import export_page, page_edge_length, run_page
+from app.trainer.pages.scope_player import scope_page
 from organ_geometry import Organ
 from organ_geometry.mesh import mesh_content
 
@@ -32,6 +35,7 @@ PLAYED_SUFFIXES = {
 RUN_SUFFIXES = {
     **PLAYED_SUFFIXES,
     ".stl": "Closed mesh at its end (STL)",
+    ".stl.zip": "An STL of each mesh at its end (zip)",
     ".zip": "Mesh and strands at its end (ParaView)",
     ".organ": "Organ file",
 }
@@ -82,7 +86,7 @@ def download(session: Session, suffix: str, vertices: int) -> Download:
     # break. Where nothing breaks, the grasper's largest force is the end.
     if suffix not in SUFFIXES:
         raise ValueError(f"a download must be one of {', '.join(SUFFIXES)}, got {suffix!r}")
-    name = file_name(session.tissue.dissection.organ)
+    name = file_name(session.tissue.dissection.organ.name)
     return Download(f"{name}{suffix}", _content(session, suffix, vertices))
 
 
@@ -114,35 +118,42 @@ def organ_content(organ: Organ) -> bytes:
     return organ.encoded
 
 
-def file_name(organ: Organ) -> str:
+def file_name(name: str) -> str:
     """Return a file name that is valid on every system."""
-    return re.sub(r"[^\w-]+", "_", organ.name, flags=re.ASCII).strip("_") or "organ"
+    return re.sub(r"[^\w-]+", "_", name, flags=re.ASCII).strip("_") or "organ"
 
 
 def run_download(run: RunFile | None, organ: Organ, suffix: str, vertices: int) -> Download:
-    """Return a run on an organ as a file, its surface of about so many vertices."""
+    """Return a run on an organ or at an anatomy as a file, a surface of about so many vertices."""
     # It can take seconds: not for the clock.
     if suffix not in RUN_SUFFIXES:
         raise ValueError(f"a download must be one of {', '.join(RUN_SUFFIXES)}, got {suffix!r}")
-    name = file_name(organ)
+    name = file_name(organ.name)
     if suffix == ".organ":
         return Download(f"{name}{suffix}", organ_content(organ))
     if run is None or not run.log.ticks:
         raise ValueError("There is no run yet: take hold of the duct, and pull.")
-    return Download(f"{name}{suffix}", _run_content(run, organ, name, suffix, vertices))
+    anatomy = run.log.start.anatomy
+    if anatomy is not None:
+        name = file_name(anatomy if isinstance(anatomy, str) else anatomy.name)
+    return Download(f"{name}{suffix}", _run_content(run.log, organ, name, suffix, vertices))
 
 
-def _run_content(run: RunFile, organ: Organ, name: str, suffix: str, vertices: int) -> bytes:
+def _run_content(log: RunLog, organ: Organ, name: str, suffix: str, vertices: int) -> bytes:
     most = {".glb": MOST_FRAMES, ".html": PAGE_FRAMES}.get(suffix, 2)
-    played = RecordedRun.of_log(run.log, organ, frames=min(most, run.log.ticks + 1))
+    frames = min(most, log.ticks + 1)
+    if suffix == ".html" and log.start.anatomy is not None:
+        return scope_page(Replay(log, organ), frames=frames).encode()
+    played = recorded_runs(log, organ, frames=frames)
     if suffix == ".html":
-        return run_page(played, edge_length=page_edge_length(organ)).encode()
-    edge_length = page_edge_length(organ, vertices)
+        return run_page(played[0], edge_length=page_edge_length(organ)).encode()
+    # Of several tubes the largest has so many vertices.
+    edge_length = max(page_edge_length(each.dissection.organ, vertices) for each in played)
     if suffix == ".glb":
-        return rigged_runs([played], edge_length=edge_length)
-    ((_, at_end),) = run_snapshots([played], edge_length=edge_length, last=True)
-    if suffix == ".stl":
-        return mesh_content(at_end.surfaces, suffix)
+        return rigged_runs(played, edge_length=edge_length)
+    ((_, at_end),) = run_snapshots(played, edge_length=edge_length, last=True)
+    if suffix != ".zip":
+        return mesh_content(at_end.surfaces, Path(f"{name}{suffix}").suffix)
     packed = io.BytesIO()
     with ZipFile(packed, "w", ZIP_DEFLATED) as archive:
         for end, content in snapshot_contents(at_end).items():
