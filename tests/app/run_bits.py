@@ -11,7 +11,19 @@ from rl_bits import alone
 from simulated import bed_session, phantom
 from tubes import tube
 
-from app.simulation import Replay, preset_named, read_run, run_json
+from app.anatomy import anatomy_named, anatomy_toml, drawn_anatomy
+from app.simulation import (
+    FEW,
+    Replay,
+    Session,
+    Specimen,
+    performed,
+    preset_named,
+    read_run,
+    read_script,
+    run_json,
+)
+from assets import SCRIPTS
 from physics.bed.space_beam import axis_line
 
 RUNS = Path(__file__).parent / "runs"
@@ -22,7 +34,7 @@ def _bytes(*arrays: np.ndarray | None) -> bytes:
 
 
 def digests() -> list[str]:
-    """Of bent organs and their sections, a pull, two dissections, a spline, what policies see."""
+    """Of organs, a pull, dissections of a duct and of tubes, drawn cases, what policies see."""
     found: list[bytes] = []
     organs = [any_code(seed, hollow=True).organ() for seed in range(8)]
     found += [_bytes(organ.axis, organ.frames, organ.outer, organ.lumen) for organ in organs]
@@ -43,6 +55,14 @@ def digests() -> list[str]:
             session.move_hand(0, start + np.array([0.0, 0.3 * tick, 0.4 * tick]))
             session.advance()
         found.append(run_json(session.run_file()))
+    for name in ("hasty", "tented"):
+        session = Session(Specimen.of_anatomy(anatomy_named("normal")), vertices=FEW)
+        performed(read_script(SCRIPTS / f"{name}.toml"), session)
+        found.append(_bytes(session.spatial.beam.places))
+        run = session.run_file()
+        again = Replay(run.log, session.tissue.dissection.organ)
+        found += [run_json(run), run_json(again.run_file()), again.series().csv().encode()]
+    found += [anatomy_toml(drawn_anatomy(seed)).encode() for seed in range(20)]
     offset = np.linspace(0.0, 50.0, 101)
     line = np.stack([offset, 3.0 * np.sin(offset / 9.0), 2.0 * np.cos(offset / 7.0)], axis=1)
     found.append(_bytes(*axis_line(line)))

@@ -427,8 +427,11 @@ def test_a_stored_run_of_version_3_plays_as_it_was_recorded() -> None:
 
 @pytest.mark.long  # all is compiled for another processor
 def test_a_run_is_the_same_on_another_processor() -> None:
-    """BLAS and numpy choose their kernels by the processor, with last digits of their own."""
+    """numba, BLAS, numpy and libm choose code by the processor, with last digits of their own."""
     older = {
+        "NUMBA_CPU_NAME": "generic",
+        "NUMBA_CACHE_DIR": str(Path(__file__).parents[2] / "build" / "generic"),
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX,-AVX2,-AVX512F,-FMA,-FMA4",
         "OPENBLAS_CORETYPE": "Prescott",
         "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL",
         "PYTHONPATH": os.pathsep.join(sys.path),
