@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +81,12 @@ def tube_lines(anatomy: Anatomy) -> dict[str, TubeLine]:
         except ValueError as error:
             message = f"tube {tube.name!r}: {error}"
             raise TableError(message, "tube", number, "points_mm") from None
+    check_lines(anatomy, lines)
+    return lines
+
+
+def check_lines(anatomy: Anatomy, lines: dict[str, TubeLine]) -> None:
+    """Raise a `TableError` unless tubes of these axes are joined and clear of each other."""
     nodes = joined_places(anatomy, lines)
     for number, join in enumerate(anatomy.join):
         length = lines[join.tube].length
@@ -99,7 +106,6 @@ def tube_lines(anatomy: Anatomy) -> dict[str, TubeLine]:
                 "layer", number, "from_mm" if layer.from_mm >= length else "to_mm",
             )  # fmt: skip
     _check_clear(anatomy, lines, nodes)
-    return lines
 
 
 def tube_line(tube: TubeTable) -> TubeLine:
@@ -197,6 +203,7 @@ def _check_clear(
         )  # fmt: skip
 
 
+@lru_cache(maxsize=64)  # a drawn case asks for the same pairs at each course that it tries
 def _overlap(one: TubeLine, other: TubeLine) -> Floats:
     """Return by how much one's wall overlaps the other's at each of its (N,) stations, mm."""
     apart = np.linalg.norm(one.places[:, np.newaxis] - other.places, axis=2)

@@ -9,7 +9,7 @@ cross, and no artery runs on within a wall that it joins, or upright.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from app.anatomy.anatomy_geometry import (
     TubeLine,
+    check_lines,
     joined_station,
     length_in_wall,
     tube_line,
-    tube_lines,
 )
 from app.anatomy.frequencies import Case, case_of
 from app.anatomy.tables import (
@@ -87,16 +87,34 @@ def drawn_anatomy(seed: int) -> Anatomy:
 def anatomy_of(case: Case) -> Anatomy:
     """Return the anatomy of a case; a ValueError if no course tried keeps its tubes clear."""
     fault: TableError | None = None
+    ducts = _ducts(case)
+    # With these beginnings of a course a tube is not clear, whatever comes after it.
+    hopeless: set[tuple[float, ...]] = set()
     for depth, chord, apart, turn in product(_DEPTHS, _CHORDS, _APART, _TURNS):
-        anatomy = _tried(case, _Course(depth, chord, turn, turn + apart))
+        begun = {"rha": (depth, chord)}
+        if case.kinds["cystic_artery"] != "outside":
+            begun["artery"] = (depth, chord, turn)
+        if not hopeless.isdisjoint(begun.values()):
+            continue
+        tubes = _with_arteries(case, ducts, _Course(depth, chord, turn, turn + apart))
+        anatomy = _anatomy(case, tubes)
         try:
-            lines = tube_lines(anatomy)
-            _check_arteries(anatomy, lines)
+            check_lines(anatomy, tubes.lines)
+            _check_arteries(anatomy, tubes.lines)
         except TableError as error:
             fault = error
+            if (name := _at_fault(anatomy, error)) in begun:
+                hopeless.add(begun[name])
         else:
             return anatomy
     raise ValueError(f"case {case.seed} has no course of its arteries that keeps clear: {fault}")
+
+
+def _at_fault(anatomy: Anatomy, error: TableError) -> str:
+    """Return the last of the tubes that a fault is of."""
+    if error.table == "tube":
+        return anatomy.tube[error.number].name
+    return anatomy.join[error.number].tube if error.table == "join" else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,17 +127,20 @@ class _Course:
     second_turn: float  # of the second one's
 
 
-def _tried(case: Case, course: _Course) -> Anatomy:
-    """Return the anatomy with a course of its arteries."""
-    sizes, kinds = case.sizes, case.kinds
-    common_r = 0.5 * sizes["common_duct_lumen_mm"] + _COMMON_WALL_MM
-    cystic_r = 0.5 * sizes["cystic_duct_diameter_mm"]
-    hepatic = _HEPATIC_MM[kinds["level"]]
-    tubes: list[TubeTable] = []
-    joins: list[JoinTable] = []
-    lines: dict[str, TubeLine] = {}
+@dataclass(frozen=True, slots=True)
+class _Tubes:
+    """Tubes that are drawn so far, where they join, and their axes."""
+
+    tubes: list[TubeTable] = field(default_factory=list[TubeTable])
+    joins: list[JoinTable] = field(default_factory=list[JoinTable])
+    lines: dict[str, TubeLine] = field(default_factory=dict[str, TubeLine])
+
+    def copy(self) -> "_Tubes":
+        """Return them, to add others."""
+        return _Tubes([*self.tubes], [*self.joins], {**self.lines})
 
     def add(
+        self,
         name: str,
         kind: TubeKind,
         points: Floats,
@@ -128,6 +149,7 @@ def _tried(case: Case, course: _Course) -> Anatomy:
         elements: int,
         wall: float | None = None,
     ) -> None:
+        """Add a tube through points."""
         made = wall_of(kind)
         radii = [float(r) for r in radius] if isinstance(radius, list) else [float(radius)]
         tube = TubeTable(
@@ -144,19 +166,28 @@ def _tried(case: Case, course: _Course) -> Anatomy:
             fluid=made.fluid,
             confidence_wall=made.confidence,
         )
-        tubes.append(tube)
-        lines[name] = tube_line(tube)
+        self.tubes.append(tube)
+        self.lines[name] = tube_line(tube)
 
-    def join(name: str, end: int, to: str, at: float | None, stiff: float) -> None:
+    def join(self, name: str, end: int, to: str, at: float | None, stiff: float) -> None:
+        """Join an end to a tube, at its own end if no station is given."""
         # Where one tube goes on as another, it has no wall to come out of.
-        face = 0.0 if at is None else lines[to].radius_at(at)
-        joins.append(
+        face = 0.0 if at is None else self.lines[to].radius_at(at)
+        self.joins.append(
             JoinTable(
                 tube=name, end=1 if end else 0, to=to, at_mm="end" if at is None else round(at, 3),
                 stiff=stiff, face_mm=round(face, 3),
             )
         )  # fmt: skip
 
+
+def _ducts(case: Case) -> _Tubes:
+    """Return common and cystic duct and the gallbladder, which no course of arteries changes."""
+    sizes = case.sizes
+    common_r, cystic_r = _radii(case)
+    hepatic = _HEPATIC_MM[case.kinds["level"]]
+    made = _Tubes()
+    add, join, lines = made.add, made.join, made.lines
     top = _JOIN_MM + hepatic
     common = np.array(
         [
@@ -183,7 +214,15 @@ def _tried(case: Case, course: _Course) -> Anatomy:
     radii[0] = round(max(1.2 * cystic_r, 1.8), 3)
     add("gallbladder", "organ", body, list(radii), ("joined", "free"), 14)
     join("gallbladder", 0, "cystic", None, 1.0)
+    return made
 
+
+def _with_arteries(case: Case, ducts: _Tubes, course: _Course) -> _Tubes:
+    """Return the tubes with arteries of a course."""
+    sizes, kinds = case.sizes, case.kinds
+    common_r, _ = _radii(case)
+    made = ducts.copy()
+    add, join, lines = made.add, made.join, made.lines
     artery_r = 0.5 * sizes["cystic_artery_diameter_mm"]
     hepatic_r = 0.5 * sizes["right_hepatic_artery_diameter_mm"]
     gallbladder = lines["gallbladder"]
@@ -227,14 +266,27 @@ def _tried(case: Case, course: _Course) -> Anatomy:
         path = wavy_course(start, end, _SLACK * math.dist(start, end), course.second_turn)
         add(name, "artery", path, round(artery_r, 3), ("clamped", "joined"), 20)
         join(name, 1, "gallbladder", on, 2.0)
+    return made
+
+
+def _radii(case: Case) -> tuple[float, float]:
+    """Return the outer radii of common and cystic duct, mm."""
+    sizes = case.sizes
+    common_r = 0.5 * sizes["common_duct_lumen_mm"] + _COMMON_WALL_MM
+    return common_r, 0.5 * sizes["cystic_duct_diameter_mm"]
+
+
+def _anatomy(case: Case, made: _Tubes) -> Anatomy:
+    """Return the anatomy of tubes, with the tissue between them."""
+    tissue = case.kinds["tissue"]
     return Anatomy(
         name=f"case-{case.seed}",
         seed=case.seed,
-        tissue=kinds["tissue"],
-        tube=tubes,
-        join=joins,
-        layer=list(_layers(lines, joins, kinds["tissue"])),
-        drawn={**kinds, **sizes},
+        tissue=tissue,
+        tube=made.tubes,
+        join=made.joins,
+        layer=list(_layers(made.lines, made.joins, tissue)),
+        drawn={**case.kinds, **case.sizes},
     )
 
 
