@@ -511,6 +511,41 @@ def test_wheel_and_pointer_go_on_from_where_a_tip_is_led(lead: ScopeLead) -> Non
     assert hand.place == pytest.approx(before + moved, abs=0.02)
 
 
+def test_half_of_a_pinch_is_taken_back_and_a_stick_that_rests_leads_no_further(
+    lead: ScopeLead,
+) -> None:
+    session, camera = lead.session, lead.held.camera
+    hand, right = session.spatial.hands[0], camera.axes[:, 0]
+
+    def ray(place: np.ndarray) -> np.ndarray:
+        return np.array([*camera.tip, *0.1 * (place - camera.tip)])
+
+    start = hand.place.copy()
+    there = start - 2.0 * NOTCH_MM * TROCARS[0].shaft(start)
+    lead.press(*ray(start + 6.0 * right))
+    pass_time(lead, session, 0.2)
+    lead.drag(*ray(start + 12.0 * right))
+    pass_time(lead, session, 0.2)
+    assert (hand.place - start) @ right > 3.0
+    lead.take_back()
+    lead.wheel(2.0)
+    lead.drag(*ray(start + 12.0 * right))  # no pointer is pressed any more
+    pass_time(lead, session, 3.0)
+    assert hand.place == pytest.approx(there, abs=0.02)
+    # A stick asks for more than a hand may go: as it rests the hand stops, but not after a click.
+    for act, leads_on in ((lead.rest, False), (lead.stop, True)):
+        for _ in range(20):
+            lead.nudge(3.0, 0.0, 0.0)
+            pass_time(lead, session, TICK_SECONDS)
+        now = hand.target.copy()
+        act()
+        pass_time(lead, session, 1.0)
+        if leads_on:
+            assert (hand.place - now) @ right > 3.0
+        else:
+            assert hand.place == pytest.approx(now, abs=0.02)
+
+
 def test_what_is_held_is_led_from_where_it_is(lead: ScopeLead) -> None:
     """A press beside it does not pull, and a drag pulls by as much as the pointer goes."""
     session, tissue, camera = lead.session, lead.session.spatial, lead.held.camera

@@ -3,6 +3,7 @@
 import io
 import math
 import re
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import cast
@@ -10,7 +11,15 @@ from typing import cast
 import numpy as np
 import pytest
 from axe import no_faults
-from browser import TrainerPage, _newest, pass_ticks, stop_time, trainer_page
+from browser import (
+    AFTER_ITS_LAST,
+    TrainerPage,
+    _newest,
+    pass_ticks,
+    stop_time,
+    trainer_page,
+)
+from numpy.testing import assert_allclose
 from PIL import Image
 from playwright.sync_api import Browser, expect
 from simulated import phantom
@@ -19,9 +28,10 @@ from app.simulation import TROCARS, Feedback, Replay, Safety, exercise_at, perfo
 from app.simulation.exercises.critical_view import Part
 from app.simulation.scripts.performance import Script, Step
 from app.trainer.client.replay_playback import ReplayPlayback
+from app.trainer.client.scope_lead import NOTCH_MM
 from app.trainer.panel.scope_panel import GOAL, HOW, TURN
 from app.trainer.scope.drawn_tissue import _roll
-from app.trainer.scope.pose import Camera
+from app.trainer.scope.pose import OBLIQUE, Camera
 from app.trainer.server.trainer import Trainer
 from app.trainer.view.page_view import PageView
 from app.trainer.view.scope_scene import ScopeScene
@@ -51,6 +61,23 @@ SHADES = """() => { const sheet = bluntdissectScope.picture.sheet;
 NOTCHES = """count => { const canvas = document.elementFromPoint(300, 280);
     for (let k = 0; k < count; k++) canvas.dispatchEvent(
         new WheelEvent("wheel", { deltaY: -100, bubbles: true, cancelable: true })); }"""
+
+# Keeps what the page says of pointer, wheel and gamepad.
+LISTEN = """() => { const page = window.__viserMutable, send = page.sendMessage;
+    window.heard = [];
+    page.sendMessage = message => { const value = message.updates?.value;
+        if (/^[0-9]+ [a-z]/.test(value)) window.heard.push(value.split(" ").slice(1));
+        send(message); }; }"""
+
+# Turns of a wheel, each at a time, ms.
+TURNS = """turns => { const canvas = document.elementFromPoint(300, 280);
+    window.heard.length = 0;
+    for (const { at, ...given } of turns) {
+        const event = new WheelEvent("wheel", { bubbles: true, cancelable: true, ...given });
+        Object.defineProperty(event, "timeStamp", { value: at });
+        canvas.dispatchEvent(event);
+    } }"""
+Heard = list[list[str]]
 
 
 @pytest.fixture(scope="module")
@@ -264,6 +291,159 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.page.mouse.move(360, 280)
         tab.page.mouse.up()
         tab.wait_until(lambda: aside() < start - 2.0)
+
+
+def wheel_turns(at: float, count: int, every: float, **given: float) -> list[dict[str, float]]:
+    """Return so many turns of a wheel, ms apart."""
+    return [{"at": at + every * number, **given} for number in range(count)]
+
+
+def test_a_wheel_goes_by_notches_a_trackpad_by_its_fingers_and_a_stick_stops(
+    calot: Trainer, browser: Browser
+) -> None:
+    """Both by `deltaY`; a trackpad's pinch is a wheel with Ctrl, and no notches follow quickly."""
+    with scope_page(browser, calot) as page:
+        tab = page.tab
+        tab.page.evaluate(LISTEN)
+
+        def heard(kind: str) -> list[list[float]]:
+            found = cast(Heard, tab.page.evaluate("() => window.heard"))
+            return [list(map(float, numbers)) for each, *numbers in found if each == kind]
+
+        small = wheel_turns(2e6, 30, 16.0, deltaY=-4.0)
+        flick = [
+            *wheel_turns(3e6, 1, 0.0, deltaY=-10.0),
+            *wheel_turns(3e6 + 16, 2, 16, deltaY=-150),
+        ]
+        for turns, notches in (
+            (wheel_turns(1e6, 3, 50.0, deltaY=-100.0), 1 + 3 + 3),
+            (wheel_turns(1.1e6, 2, 500.0, deltaY=120.0), -2),
+            (wheel_turns(1.2e6, 1, 0.0, deltaY=-80.0), 1),
+            (wheel_turns(1.3e6, 2, 50.0, deltaY=-3.0, deltaMode=1), 1 + 3),
+            (small, 1.2),
+            (flick, 3.1),
+            (wheel_turns(4e6, 10, 16.0, deltaY=-2.0, ctrlKey=True), 10 * 0.02 * 150 / 6),
+            (wheel_turns(5e6, 1, 0.0, deltaY=-100.0, ctrlKey=True), 1),
+            (wheel_turns(6e6, 9, 16.0, deltaX=-50.0), 0),
+        ):
+            tab.page.evaluate(TURNS, turns)
+            tab.page.evaluate(AFTER_ITS_LAST)
+
+            def led(wanted: float = notches) -> None:
+                assert_allclose(sum(map(sum, heard("wheel"))), wanted, atol=2e-3)
+
+            tab.eventually(led)
+            assert heard("scope") == []
+        for given, cable in (({"deltaY": 100.0}, 0.12), ({"deltaX": -100.0}, -0.12)):
+            tab.page.evaluate(TURNS, wheel_turns(7e6, 1, 0.0, shiftKey=True, **given))
+            tab.eventually(lambda c=cable: assert_allclose(heard("scope"), [[0.0, 0.0, 0.0, c]]))
+            assert heard("wheel") == []
+        # A gamepad's stick says once that it has come back to rest.
+        tab.page.evaluate(GAMEPAD, [1.0, []])
+        tab.wait_until(lambda: len(heard("nudge")) > 2)
+        tab.page.evaluate(GAMEPAD, [0.0, []])
+        tab.wait_until(lambda: heard("rest"))
+        tab.page.evaluate(GAMEPAD, [0.0, [1]])
+        tab.wait_until(lambda: heard("hand"))
+        assert len(heard("rest")) == 1
+        tab.page.evaluate("() => { navigator.getGamepads = () => []; }")
+
+
+def test_two_fingers_take_back_what_the_first_began_and_lead_in_depth(
+    calot: Trainer, browser: Browser
+) -> None:
+    with scope_page(browser, calot) as page:
+        tab, view = page.tab, page.view
+        hand = view.session.spatial.hands[0]
+        start = hand.place.copy()
+        shaft = TROCARS[0].shaft(start)
+        tab.page.evaluate(LISTEN)
+        touch = tab.page.context.new_cdp_session(tab.page)
+        at = time.time()
+
+        def touched(kind: str, **fingers: tuple[float, float]) -> None:
+            nonlocal at
+            at += 0.05
+            points = [
+                {"x": x, "y": y, "id": ("first", "second").index(name)}
+                for name, (x, y) in fingers.items()
+            ]
+            asked = {"type": kind, "touchPoints": points, "timestamp": at}
+            touch.send("Input.dispatchTouchEvent", asked)
+
+        def heard() -> list[str]:
+            return [each[0] for each in cast(Heard, tab.page.evaluate("() => window.heard"))]
+
+        touched("touchStart", first=(300, 280))
+        touched("touchMove", first=(330, 280))
+        tab.wait_until(lambda: heard() == ["press", "drag"])
+        touched("touchStart", second=(390, 280))
+        touched("touchMove", second=(420, 280))
+        tab.wait_until(lambda: heard() == ["press", "drag", "back", "wheel"])
+        # The finger that is left leads nothing.
+        touched("touchEnd", first=(330, 280))
+        touched("touchMove", second=(440, 300))
+        touched("touchMove", second=(460, 320))
+        touched("touchEnd", second=(460, 320))
+        tab.wait_until(lambda: heard()[-1] == "stop")
+        assert heard() == ["press", "drag", "back", "wheel", "stop"]
+        end = start - 30 / 6 * NOTCH_MM * shaft
+        tab.eventually(lambda: assert_allclose(hand.place, end, atol=0.05))
+        # A new touch leads again, and a second finger that comes late only ends that.
+        touched("touchStart", first=(300, 280))
+        at += 1.0
+        touched("touchStart", second=(390, 280))
+        touched("touchEnd")
+        tab.wait_until(lambda: heard()[5:] == ["press", "stop", "stop"])
+
+
+def test_a_replay_is_seen_as_it_was_and_one_s_own_scope_stays_as_it_was(
+    calot: Trainer, browser: Browser
+) -> None:
+    """Though the trainee held the scope then, and holds it elsewhere now."""
+    with scope_page(browser, calot) as page:
+        tab, view = page.tab, page.view
+        lead, session = view._lead, view.session
+        assert lead is not None
+        own = lead.held
+        session.open_jaws(1, 1.0)  # which begins a run
+        lead.change_scope()
+        lead.move_scope(pan=0.1, tilt=-0.05)
+        tab.wait_until(lambda: session.spatial.pose[6:12] == (*own.pose.numbers, OBLIQUE))
+        then = own.pose
+        session.open_jaws(1, 2.0)
+        run = session.run_file()
+        lead.change_scope()
+        lead.move_scope(depth=20.0)
+        now = own.pose
+        tab.wait_until(lambda: session.spatial.pose[6:12] == (*now.numbers, 0.0))
+        inputs = len(session.run_file().log.inputs)
+        view.state.start_replay(run)
+        tab.wait_until(lambda: view.state.playback is not None)
+        playback = view.state.playback
+        assert playback is not None
+        playback.pause()
+        playback.seek(playback.duration)
+
+        def is_as_it_was() -> None:
+            seen = lead.held
+            assert playback.at_end
+            assert (seen.pose, seen.scope.angle) == (then, OBLIQUE)
+            page.check_pose()
+
+        tab.eventually(is_as_it_was)
+        # Moved, it looks elsewhere, until V goes on with the run's.
+        lead.move_scope(pan=-0.3)
+        pass_ticks(tab, calot)
+        assert lead.held.pose == then.moved(pan=-0.3)
+        tab.eventually(page.check_pose)
+        tab.page.keyboard.press("v")
+        tab.eventually(is_as_it_was)
+        view.state.leave_replay()
+        tab.wait_until(lambda: lead.held is own)
+        assert (own.pose, own.scope.angle, own.assisted) == (now, 0.0, False)
+        tab.eventually(page.check_pose)
+        assert len(session.run_file().log.inputs) == inputs, "nothing of the replay's is logged"
 
 
 @pytest.mark.parametrize(

@@ -146,6 +146,7 @@ class _Pointer(NamedTuple):
     normal: Floats  # (3,) of the plane in which the hand is led
     under: Floats  # (3,) mm, what is under it in that plane
     aside: Floats  # (3,) mm, from there to where the tip is led
+    start: Floats  # (3,) mm, where the hand was led before
 
 
 class Stop(NamedTuple):
@@ -322,7 +323,9 @@ class ScopeLead:
         tip, normal = holder.tip if held else self._led_to, self._normal
         under = _meeting(at, normal, tip)
         aside = tip - under if held else np.zeros(3)
-        self._pointer = _Pointer(self.hand, at, normal, under, aside)
+        goal = self._goals[self.hand]
+        start = (holder.target if goal is None else goal).copy()
+        self._pointer = _Pointer(self.hand, at, normal, under, aside, start)
         if self.by_handle:
             return
         if self._is_at_ring(at):
@@ -461,7 +464,18 @@ class ScopeLead:
         """Leave a hand that holds a tube where it is, as its pointer lets go."""
         self._pointer = None
         if self._state.hands[self.hand].node is not None:
-            self._goals[self.hand] = self._seeks = None
+            self.rest()
+
+    def rest(self) -> None:
+        """Leave the active hand where it is, as a stick that led it comes back to rest."""
+        self._goals[self.hand] = self._seeks = None
+
+    def take_back(self) -> None:
+        """Lead the active hand to where it was led before its pointer: that was half of a pinch."""
+        before, self._pointer = self._pointer, None
+        self._leave_ring()
+        if before is not None and before.hand == self.hand:
+            self._goals[self.hand] = before.start
 
     def advance(self, ticks: int) -> None:
         """Lead the hands on for some ticks, no faster than they may."""

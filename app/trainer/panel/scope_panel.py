@@ -146,8 +146,9 @@ TEXT = """\
 In an exercise press on the **ring**, or the key **I**, and the tip goes there by itself; what it
 holds goes there while you press. The **wheel** takes it in along its shaft (roll it away from you)
 and out, as **Shift** with the arrows does. The **right button**, or **G**, uses the instrument.
-With a **finger** drag; two fingers spread or pinch to take it in and out. Led **by its handle**, as
-in the theatre, an instrument turns about its trocar: the tip goes the other way.
+With a **finger** drag; two fingers spread or pinch to take it in and out, on a trackpad too. Led
+**by its handle**, as in the theatre, an instrument turns about its trocar: the tip goes the other
+way.
 
 **A gamepad.** The left stick moves the tip in the picture, the right one takes it in and out and
 turns the jaws. **A** uses the instrument, **B** goes on to the other hand, **X** to the next
@@ -169,8 +170,9 @@ on, 2 from {TWO_POINTS} %. After a tear none counts.
 tears. Where *Distance to break* is written, that is what is left of the 100 %.
 
 **The scope.** An assistant holds it and keeps both tips in view. Choose *Scope*, or **Y**, to
-lead it yourself, or drag with the middle button; **V** gives it back. Blood that jets, and touch,
-soil its lens; the key **B** wipes it.
+lead it yourself, or drag with the middle button; **Shift** with the wheel turns its cable. **V**
+gives it back. A replay shows what was seen, until you move the scope; **V** goes on with it. Blood
+that jets, and touch, soil its lens; the key **B** wipes it.
 
 **What is computed.** Each tube is a beam in space, each strand a spring that yields, parts and
 never heals. A wall tears where normal + bending stress is over its strength. Blood and bile flow

@@ -301,6 +301,7 @@ class PageView:
         """Advance what is shown by some ticks; return whether anything has moved."""
         state = self.state
         state.take_organ()
+        self._scene.watch(state.shown)
         if homes := state.take_home():
             self._scene.frame_camera()
         scene_moved = self._scene.advance(ticks) or homes
@@ -319,7 +320,6 @@ class PageView:
 
     def _draw(self) -> None:
         state, scene = self.state, self._scene
-        scene.watch(state.shown)
         scene.set_look("plain" if state.plain else "full")
         scene.lead_into_picture(state.into_picture)
         scene.draw(

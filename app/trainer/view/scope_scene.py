@@ -39,10 +39,10 @@ class ScopeScene:
         self, client: viser.ClientHandle, session: Session, look: Look, led: ScopeLead
     ) -> None:
         self._client, self._session, self._look = client, session, look
-        self._held, self._led = led.held, led
+        self._own, self._led = led.held, led
+        self._held = self._own  # the scope through which the session is seen
         client.scene.set_up_direction("+z")
         self._picture: ScopePicture | None = None
-        self._drawn_with = -1.0  # the angle of the scope that the page has
         # as the page has it: a hand or what else is led, by which end, where the cross is
         self._leads: tuple[int, tuple[float, float] | None] | None = None
         self._warning = ""
@@ -54,13 +54,19 @@ class ScopeScene:
         self.draw(session.reading())
 
     def watch(self, session: Session) -> None:
-        """Show another session, at an anatomy, from the next `draw` on."""
+        """Show another session, at an anatomy, from the next `draw` on.
+
+        A replay, and another's session, have a scope of their own: one's own stays as it is held.
+        """
         anatomy = session.specimen.anatomy
-        if anatomy is not None and anatomy != self._held.made.anatomy:
-            own = self._led.held
-            self._held = own if anatomy == own.made.anatomy else HeldScope(anatomy_network(anatomy))
+        if session is self._session or anatomy is None:
+            return
+        own = session is self._led.session
+        held = self._own if own else HeldScope(anatomy_network(anatomy))
+        if anatomy != self._held.made.anatomy:
             self._clear()
-        self._session = session
+        held.show(session.spatial.pose)
+        self._session, self._held, self._led.held = session, held, held
 
     def set_look(self, look: Look) -> None:
         """Use another look from the next `draw` on."""
@@ -73,7 +79,6 @@ class ScopeScene:
         self._led.advance(ticks)
         self._asked = self._led.asked.to_part, self._led.asked.ring
         tissue = self._session.spatial
-        # A replay, and another's session, are seen through the scope that was held there.
         held = self._held
         before = held.pose, held.oblique
         if self._session is not self._led.session and held.show(tissue.pose):
@@ -163,6 +168,7 @@ class ScopeScene:
         led, (kind, numbers) = self._led, _read(message)
         acts: Mapping[str, tuple[int, Callable[..., object]]] = {
             "press": (6, led.press), "drag": (6, led.drag), "stop": (0, led.stop),
+            "back": (0, led.take_back), "rest": (0, led.rest),
             "wheel": (1, led.wheel), "nudge": (3, led.nudge),
             "turn": (1, led.turn), "open": (1, led.open_more), "act": (0, led.use_instrument),
             "hand": (0, led.choose_next), "view": (0, led.choose_scope),
@@ -175,17 +181,13 @@ class ScopeScene:
             act(*numbers)
 
     def _set_picture(self) -> ScopePicture:
-        """Return the picture, made anew for another scope or look."""
-        scope = self._held.scope
-        if scope.angle != self._drawn_with:
-            self._clear()
+        """Return the picture, made anew for another anatomy or look."""
         if self._picture is None:
-            self._drawn_with = scope.angle
             self._picture = picture_of(
                 self._client.scene,
                 self._held.made,
                 self._session.spatial,
-                scope,
+                self._held.scope,
                 plain=self._look == "plain",
             )
             self._leads, self._warning, self._marks = None, "", _NO_MARKS

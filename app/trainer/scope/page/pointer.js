@@ -6,13 +6,18 @@
   const { add } = scope.algebra;
   const LEAST_MS = 33;       // between two messages of one movement
   const PINCH = 1 / 6;       // notches of the wheel, a dot
+  const NOTCH = [100, 3, 1];           // of a wheel, in the units of a `deltaMode`: dots, lines, pages
+  const WHOLE = 0.75;        // of a notch, from which on an event is one of a wheel, not of a trackpad
   const QUICK_MS = 120, QUICK = 3;     // notches that follow in less time go so many times as far
+  const SPREAD = 150;        // dots that fingers on a trackpad are taken to be apart: it does not say
+  const CABLE = 0.12;        // rad of the scope's cable, a notch
+  const TOGETHER_MS = 300;   // within which a second finger makes a pinch of what the first began
   const POINTS = -2;         // in the place of a hand: the pointer marks what it points at
   const LOOK = 0.0022;       // rad of pan and tilt, a dot
   let lead = null;           // the widget's number, and what the pointer leads: a hand, or the scope
   let number = 0, sentAt = 0;
-  let dragged = null, turned = 0, waits = false;  // not yet sent: where a pointer is now, and notches
-  let notchAt = -Infinity;   // ms, of the last notch
+  let dragged = null, slid = 0, turned = 0, waits = false;  // not yet sent: where a pointer is now, and notches
+  let notchAt = -Infinity, fine = false;  // ms, of the last turn of the wheel, and whether that is a trackpad's
   const say = scope.say = words => { if (lead && scope.picture?.pose) viewer.send(lead.uuid, `${++number} ${words}`); };
   const fixed = scope.fixed = values => values.map(x => x.toFixed(3)).join(" ");
 
@@ -29,26 +34,33 @@
     if (waits) return;
     waits = true;
     setTimeout(() => {
-      const drag = dragged, notches = turned;
-      waits = false; dragged = null; turned = 0; sentAt = performance.now();
+      const drag = dragged, notches = slid, cable = CABLE * turned;
+      waits = false; dragged = null; slid = turned = 0; sentAt = performance.now();
       if (notches) say(`wheel ${fixed([notches])}`);
+      if (cable) say(`scope ${fixed([0, 0, 0, cable])}`);
       if (drag && scope.picture?.pose) say(`drag ${rayOf(drag)}`);
     }, Math.max(0, sentAt + LEAST_MS - performance.now()));
   };
 
   const down = new Map();    // pointers that are pressed, and where they are
-  let apart = 0;
+  let apart = 0, pressedAt = 0;  // dots between two fingers; and ms, when the first pointer was pressed
+  let pinches = false, points = false;  // whether two fingers do, until all are lifted; and whether one marks
   const spread = () => { const [a, b] = [...down.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
   const press = event => {
     if (!scope.picture?.pose || event.target !== viewer.canvas()) return;
     event.stopPropagation();
-    if (lead.hand === POINTS && event.button === 0) { say(`point ${fixed(wayOf(event))}`); return; }
     if (event.button === 2) { event.preventDefault(); say("act"); return; }
     viewer.canvas().setPointerCapture?.(event.pointerId);
     down.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    if (down.size === 2) { apart = spread(); return; }
-    if (down.size > 2 || lead.hand < 0 || event.button === 1) return;
-    say(`press ${rayOf(event)}`);
+    if (down.size === 2) {
+      if (!pinches && lead.hand >= 0) say(event.timeStamp - pressedAt < TOGETHER_MS ? "back" : "stop");
+      pinches = true;
+      apart = spread();
+    }
+    if (down.size > 1) return;
+    pressedAt = event.timeStamp;
+    points = lead.hand === POINTS && event.button === 0;
+    if (lead.hand >= 0 && event.button !== 1) say(`press ${rayOf(event)}`);
   };
   const move = event => {
     const before = down.get(event.pointerId);
@@ -60,12 +72,16 @@
       const now = spread();
       slide(PINCH * (now - apart));
       apart = now;
-    } else if (lead.hand < 0 || event.buttons === 4) say(`scope ${fixed([-LOOK * across, -LOOK * up, 0, 0])}`);
+    } else if (pinches || points) return;  // a finger that is left, and what is to be marked, move nothing
+    else if (lead.hand < 0 || event.buttons === 4) say(`scope ${fixed([-LOOK * across, -LOOK * up, 0, 0])}`);
     else { dragged = event; saySoon(); }
   };
   const lift = event => {
     if (!down.delete(event.pointerId) || down.size) return;
     event.stopPropagation();
+    const alone = !pinches;
+    pinches = false;
+    if (points && alone && event.type === "pointerup") say(`point ${fixed(wayOf(event))}`);
     // After the last movement, which may still wait: what is held stops where it is.
     if (lead.hand >= 0) setTimeout(() => { if (lead && !down.size) say("stop"); }, LEAST_MS + 1);
   };
@@ -74,15 +90,21 @@
     if (event.target !== window) return;
     if (down.size && lead?.hand >= 0) say("stop");
     down.clear();
+    pinches = false;
   };
-  const slide = notches => { turned += notches; saySoon(); };
+  const slide = notches => { slid += notches; saySoon(); };
   const turn = event => {
     if (!scope.picture || event.target !== viewer.canvas()) return;
     event.preventDefault();
     event.stopPropagation();
-    if (event.ctrlKey || event.shiftKey) say(`scope ${fixed([0, 0, 0, Math.sign(event.deltaY) * 0.12])}`);
-    else slide(-Math.sign(event.deltaY) * (event.timeStamp - notchAt < QUICK_MS ? QUICK : 1));
+    // With Shift some browsers turn it aside. A trackpad's pinch comes as a wheel with Ctrl.
+    const moved = event.deltaY || (event.shiftKey ? event.deltaX : 0);
+    const notches = moved / NOTCH[event.deltaMode], follows = event.timeStamp - notchAt < QUICK_MS;
+    fine = Math.abs(notches) < WHOLE || (fine && follows);
     notchAt = event.timeStamp;
+    const whole = fine ? notches : Math.round(notches);
+    if (event.shiftKey) { turned += whole; saySoon(); }
+    else slide(-whole * (!fine ? (follows ? QUICK : 1) : event.ctrlKey ? PINCH * SPREAD : 1));
   };
   const nothing = event => { if (event.target === viewer.canvas()) event.preventDefault(); };
   const LISTENED = [["pointerdown", press], ["pointermove", move], ["pointerup", lift], ["pointercancel", lift], ["wheel", turn], ["contextmenu", nothing], ["blur", leave]];
@@ -116,6 +138,7 @@
     lead = null;
     if (viewer.canvas()) viewer.canvas().style.cursor = "";
     down.clear();
+    pinches = false;
     for (const [kind, take] of LISTENED) window.removeEventListener(kind, take, { capture: true });
   };
 })();
