@@ -20,6 +20,7 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 
+from app.anatomy import Anatomy
 from app.bounded_file import read_bounded
 from app.classroom.class_course import ClassCourse
 from app.classroom.exercise_file import GOALS
@@ -307,12 +308,14 @@ def _attempts(
         task = run.level or (f"exercise-{run.assignment_id}" if run.assignment_id else goal)
         numbers[task] += 1
         found = read_incidents(run.incidents)
+        start = log.start
+        seed = start.anatomy.seed if isinstance(start.anatomy, Anatomy) else start.bed_seed
         row: Row = {
             "person": person,
             "attempt": run.id,
             "task": task,
             "goal": goal,
-            "seed": log.start.bed_seed if run.seed is None else run.seed,
+            "seed": seed if run.seed is None else run.seed,
             "number": numbers[task],
             "day": since.days,
             "outcome": {True: "passed", False: "failed", None: "given up"}[run.passed],

@@ -18,6 +18,7 @@ from other_programs import statement_faults
 from program import refused, run
 from statement_sender import INCIDENTS
 
+from app.anatomy import drawn_anatomy
 from app.classroom.course import default_course
 from app.classroom.evidence import (
     Evidence,
@@ -38,7 +39,7 @@ from app.classroom.research import (
     write_research,
 )
 from app.classroom.store import ClassStore, RunRecord
-from app.simulation import read_run
+from app.simulation import Session, Specimen, exercise_at, read_run, run_json
 
 NOVICES, EXPERTS = [6, 4, 9, 7, 5, 8, 3, 7, 6, 5], [2, 4, 1, 3, 3, 5, 0, 2]
 SESSIONS = [[5, 6], [3, 2], [8, 7], [4, 6], [9, 8], [2, 3], [6, 6], [7, 5], [1, 3], [5, 4]]
@@ -88,6 +89,25 @@ GROUPS = {
 def rows(path: Path) -> list[dict[str, str]]:
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
+
+
+def test_a_drawn_anatomy_s_seed_is_in_the_export(store: ClassStore, tmp_path: Path) -> None:
+    """Of a run that no course has set; the run itself has all of what was drawn."""
+    anatomy = drawn_anatomy(5)
+    session = Session(Specimen.of_anatomy(anatomy), vertices=300)
+    exercise = exercise_at(anatomy, "who_is_who")
+    assert exercise is not None
+    session.start_exercise(exercise)
+    session.call_unsafe()
+    session.advance()
+    person = store.name_person("browser Hal", "Hal")
+    kept = replace(record(person.id, passed=False), file=run_json(session.run_file()))
+    store.save(kept)
+    write_research(store, {person.id: "expert"}, tmp_path / "study", KEY)
+    (attempt,) = rows(tmp_path / "study" / "attempts.csv")
+    assert attempt["seed"] == "5"
+    (written,) = (tmp_path / "study" / "runs").iterdir()
+    assert read_run(written.read_bytes()).log.start.anatomy == anatomy
 
 
 def test_an_export_has_who_consented_and_nothing_that_says_who(
