@@ -4,6 +4,8 @@
   const scope = window.bluntdissectScope;
   if (scope.photograph) return;
   const SIDE = 480, QUALITY = 0.8;
+  const LONGEST = 100_000;   // characters that the server takes of a page
+  const SMALLER = 0.85;      // times as wide, where a picture is longer: of PNG, which all browsers have
   scope.photograph = uuid => {
     const scene = viewer.scene();
     if (!scene || !scope.picture) return;
@@ -13,9 +15,15 @@
       before.call(scene, renderer, ...rest);
       const from = renderer.domElement, high = from.height * (1 - (scope.picture?.covered ?? 0));
       const side = Math.min(from.width, high), to = document.createElement("canvas");
-      to.width = to.height = SIDE;
-      to.getContext("2d").drawImage(from, (from.width - side) / 2, (high - side) / 2, side, side, 0, 0, SIDE, SIDE);
-      viewer.send(uuid, to.toDataURL("image/webp", QUALITY));
+      const taken = wide => {
+        to.width = to.height = wide;
+        to.getContext("2d").drawImage(from, (from.width - side) / 2, (high - side) / 2, side, side, 0, 0, wide, wide);
+        const url = to.toDataURL("image/webp", QUALITY);
+        return url.startsWith("data:image/webp") ? url : to.toDataURL("image/jpeg", QUALITY);
+      };
+      let wide = SIDE, url = taken(wide);
+      while (url.length > LONGEST) url = taken(wide = Math.floor(SMALLER * wide));
+      viewer.send(uuid, url);
     };
     viewer.redraw();
   };
