@@ -70,8 +70,9 @@ class Servo:
 
 
 def messages(state: PageState) -> list[str]:
-    """What the page was told, newest last."""
+    """What the page was told, newest last; all of it leaves by itself."""
     calls = cast(MagicMock, state.client).add_notification.call_args_list
+    assert all(call.kwargs["auto_close_seconds"] > 0.0 for call in calls)
     return [call.args[1] for call in calls]
 
 

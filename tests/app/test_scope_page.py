@@ -69,6 +69,12 @@ LISTEN = """() => { const page = window.__viserMutable, send = page.sendMessage;
         if (/^[0-9]+ [a-z]/.test(value)) window.heard.push(value.split(" ").slice(1));
         send(message); }; }"""
 
+# A browser writes pictures of these kinds, and else PNG.
+WITHOUT = """kinds => { const page = HTMLCanvasElement.prototype;
+    const write = page.writes ??= page.toDataURL;
+    page.toDataURL = function (kind, ...rest) {
+        return write.call(this, kinds.includes(kind) ? kind : "image/png", ...rest); }; }"""
+
 # Turns of a wheel, each at a time, ms.
 TURNS = """turns => { const canvas = document.elementFromPoint(300, 280);
     window.heard.length = 0;
@@ -532,11 +538,13 @@ def test_show_me_plays_the_recorded_critical_view_and_a_try_goes_on_in_a_page_lo
         tab.wait_until(lambda: _newest(calot, "calot") is not view)
         again = _newest(calot, "calot")
         assert again.session is view.session
-        expect(tab.page.get_by_text("Your try goes on")).to_be_visible()
+        note = tab.page.get_by_text("Your try goes on")
+        expect(note).to_be_visible()
         assert again.state.in_exercise
         assert again.state.hand == 1
         assert again.state.plain
         again.state.show(plain=False)
+        expect(note).to_be_hidden()  # by itself
 
 
 def test_a_failed_try_names_its_cause_first_stands_still_and_is_begun_anew(
@@ -627,6 +635,23 @@ def test_structures_are_pointed_at_by_keys_and_mouse_and_photographed(
         assert taken.size == (480, 480)
         assert max(taken.getpixel((3, 3))) < 12  # pyright: ignore
         assert max(taken.getpixel((240, 240))) > 60  # pyright: ignore
+        # A browser that cannot write WebP sends JPEG, and one that cannot do that either a PNG, so
+        # small that it is taken.
+        for kind in ("JPEG", "PNG"):
+            tab.page.evaluate(WITHOUT, [] if kind == "PNG" else ["image/jpeg"])
+            tab.page.keyboard.press("h")
+
+            def is_of_it(wanted: str = kind) -> None:
+                taken = Image.open(io.BytesIO(view.state.photographs[-1]))
+                assert taken.format == wanted
+
+            tab.eventually(is_of_it, 60.0)
+            taken = Image.open(io.BytesIO(view.state.photographs[-1])).convert("RGB")
+            side = taken.width
+            assert taken.height == side
+            assert side == 480 if kind == "JPEG" else 150 < side < 400
+            assert max(taken.getpixel((3, 3))) < 12  # pyright: ignore
+            assert max(taken.getpixel((side // 2, side // 2))) > 60  # pyright: ignore
         # By keys: the arrows move the cross to the gallbladder, and G marks.
         tab.page.keyboard.press("k")
         row = tab.page.get_by_test_id("point-at")
@@ -657,6 +682,31 @@ def test_structures_are_pointed_at_by_keys_and_mouse_and_photographed(
         result = tab.page.get_by_role("dialog")
         result.wait_for()
         expect(result).to_contain_text("took the gallbladder for the cystic artery")
+
+
+def test_the_score_of_who_is_who_is_kept_in_a_page_loaded_anew(
+    calot: Trainer, browser: Browser
+) -> None:
+    with scope_page(browser, calot) as page:
+        tab, view = page.tab, page.view
+        view._practice.series.random = np.random.default_rng(1)
+        view._practice.series.begin_anew()
+        seeds = view._practice.series.seeds
+        score = tab.page.get_by_test_id("score")
+        for number in (1, 2):
+            tab.open("Learn")
+            tab.choose("Exercise", "Who is who")
+            tab.press("Start")
+            tab.wait_until(lambda: _newest(calot, "calot").state.in_exercise)
+            view = _newest(calot, "calot")
+            anatomy = view.session.specimen.anatomy
+            assert anatomy is not None
+            assert anatomy.seed == seeds[number - 1]
+            tab.press("Not yet safe")
+            expect(score).to_contain_text(f"of {number} pictures right so far, of 10.")
+            tab.page.reload()
+            tab.wait_until(lambda before=view: _newest(calot, "calot") is not before)
+        assert len(_newest(calot, "calot").state.series.answers) == 2
 
 
 def test_a_page_that_draws_slowly_gets_the_simple_picture_by_itself(

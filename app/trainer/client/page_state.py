@@ -41,6 +41,9 @@ from app.trainer.scene.tissue_scene import Colours
 from organ_geometry import Organ
 from physics import Theory
 
+BRIEF_SECONDS, NOTICE_SECONDS = 8.0, 20.0
+"""s after which a note leaves by itself, a short one and a long one: on a phone it covers the
+picture."""
 NUDGE = 0.5
 """mm that a key moves the tip, or opens the jaws by."""
 PAST_BREAK = 1.05
@@ -239,7 +242,7 @@ class PageState:
         """Tell the client why something is not possible, or was stopped."""
         self.forget_refusal()
         self._refusal = self.client.add_notification(
-            title, reason, color="yellow", auto_close_seconds=8.0
+            title, reason, color="yellow", auto_close_seconds=BRIEF_SECONDS
         )
 
     def forget_refusal(self) -> None:
@@ -690,7 +693,9 @@ class PageState:
             )
             self._force_key.on_trigger(lambda _: self.switch_force())
         self._device_notice = self.client.add_notification(
-            *self._device_words(device, hands), color="green"
+            *self._device_words(device, hands),
+            color="green",
+            auto_close_seconds=NOTICE_SECONDS,
         )
         self._changed = True
 
@@ -701,7 +706,9 @@ class PageState:
             self._device_notice.remove()
             self._device_notice = None
         if why is not None:
-            self.client.add_notification("The device has let go", why, color="yellow")
+            self.client.add_notification(
+                "The device has let go", why, color="yellow", auto_close_seconds=NOTICE_SECONDS
+            )
         self._changed = True
 
     def switch_force(self) -> None:
@@ -712,7 +719,7 @@ class PageState:
                 "The device has no force" if self.force_off else "The device has its force again",
                 "F gives it back." if self.force_off else "F takes it away.",
                 color="yellow" if self.force_off else "green",
-                auto_close_seconds=8.0,
+                auto_close_seconds=BRIEF_SECONDS,
             )
 
     def grab_by_device(self) -> bool:

@@ -1,7 +1,7 @@
 """Photographs for the record, which a page takes of its picture."""
 
 from app.classroom.photograph import photograph_of
-from app.trainer.client.page_state import PageState
+from app.trainer.client.page_state import BRIEF_SECONDS, PageState
 
 BACK_NEXT = "It is of the front. For one of the back swing the gallbladder over, and press H."
 BOTH_KEPT = "Front and back go with the result."
@@ -35,5 +35,5 @@ class Photographer:
             return
         state.photographs = [*state.photographs[-1:], taken]
         words = BACK_NEXT if len(state.photographs) == 1 else BOTH_KEPT
-        state.client.add_notification("Photograph kept", words, auto_close_seconds=8.0)
+        state.client.add_notification("Photograph kept", words, auto_close_seconds=BRIEF_SECONDS)
         state.show()

@@ -1,31 +1,69 @@
-"""The ten pictures of *Who is who*, one after another, and what came of each."""
+"""The pictures of *Who is who*, ten a round, one after another, and what came of each."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
 
 from app.simulation import Exercise, Outcome
 
-PICTURES = (12, 14, 4, 41, 32, 22, 5, 20, 10, 3)
-"""Seeds of the anatomies that are drawn for them: five open, three half open, two covered. Of the
-open ones two have a short cystic duct, one of them a common duct that is drawn out by traction;
-one a parallel duct and one two arteries (`EXPOSED` and `TRACTION_MM` in `exercise_limits`)."""
+
+class Kind(NamedTuple):
+    """A kind of picture: how many a round has, and the seeds of anatomies that are drawn for it."""
+
+    count: int
+    seeds: tuple[int, ...]
+
+
+KINDS: Mapping[str, Kind] = {
+    "covered": Kind(2, (3, 6, 9, 12, 15, 18, 21, 27, 30, 36, 42, 54, 57, 60, 66, 69, 72, 75, 78)),
+    "half open": Kind(
+        3, (4, 10, 13, 16, 19, 22, 25, 28, 31, 34, 37, 46, 49, 55, 58, 67, 70, 73, 79)
+    ),
+    "short cystic duct": Kind(1, (20, 41, 65, 173)),
+    "drawn-out common duct": Kind(1, (11, 47, 53, 143, 149, 155, 209, 215)),
+    "parallel duct": Kind(1, (14, 125, 128, 233)),
+    "two arteries": Kind(1, (80, 242, 254)),
+    "open": Kind(1, (2, 5, 8, 23, 26, 44, 62, 71, 74, 83, 92, 95, 116, 131, 134, 146)),
+}
+"""Half open and covered pictures are not safe to tell; the others are open, four with a trap."""
+PICTURES = sum(kind.count for kind in KINDS.values())
+"""Of a round."""
 
 
 @dataclass(slots=True)
 class PictureSeries:
-    """How far somebody has come with the pictures."""
+    """How far somebody has come with a round of pictures, which `random` draws."""
 
+    random: np.random.Generator = field(default_factory=np.random.default_rng)
     exercise: Exercise | None = None  # of the picture that is shown
     answers: list[Outcome] = field(default_factory=list[Outcome])
+    seeds: list[int] = field(default_factory=list[int])  # of the round
+
+    def __post_init__(self) -> None:
+        """Draw the first round."""
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Draw another round, none of whose pictures the last one had."""
+        before = set(self.seeds)
+        drawn = [
+            self.random.choice(sorted({*kind.seeds} - before), kind.count, replace=False)
+            for kind in KINDS.values()
+        ]
+        self.seeds = self.random.permutation(np.concatenate(drawn)).tolist()
+        self.answers = []
 
     @property
     def seed(self) -> int:
         """Of the next picture."""
-        return PICTURES[len(self.answers)]
+        return self.seeds[len(self.answers)]
 
     @property
     def over(self) -> bool:
         """Whether all have been answered."""
-        return len(self.answers) == len(PICTURES)
+        return len(self.answers) == PICTURES
 
     def take(self, exercise: Exercise | None, outcome: Outcome | None) -> None:
         """Take an answer, if it is of the picture that is shown."""
@@ -38,4 +76,4 @@ class PictureSeries:
         """How many were right, in words."""
         right = sum(each.passed for each in self.answers)
         done = f"{right} of {len(self.answers)} pictures right"
-        return f"{done}." if self.over else f"{done} so far, of {len(PICTURES)}."
+        return f"{done}." if self.over else f"{done} so far, of {PICTURES}."

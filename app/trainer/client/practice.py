@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 from app.anatomy import Anatomy, CaseWorkbench, anatomy_named
 from app.simulation import GRIP_N, Preset, Session, Specimen, free_specimen, specimen_in_bed
+from app.trainer.client.picture_series import PictureSeries
 from organ_geometry import Organ
 
 SceneName = Literal["calot", "bed", "free"]
@@ -57,7 +58,8 @@ class Practice:
 
     `own_anatomy` is what the trainer was started with, or None for the usual one; of a `case` that
     is built in the page it is the case as it is now. A page that is left notes the `hand` that was
-    led and whether its picture was `plain`, for the one that is loaded in its place.
+    led and whether its picture was `plain`, for the one that is loaded in its place. `series`
+    is how far *Who is who* has come.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class Practice:
         self._own_anatomy, self.case = own_anatomy, case
         self.scene: SceneName | None = scene  # None until a page has opened
         self.hand, self.plain = 0, False
+        self.series = PictureSeries()
         self._lock = Lock()
         self._sessions: dict[SceneName, Session] = {}
 

@@ -203,7 +203,7 @@ def show_result(
         if exercise is not None and exercise.looks_only and pictures.answers:
             gui.add_html(note(pictures.score, "score"))
             if not pictures.over:
-                label = f"Picture {len(pictures.answers) + 1} of {len(PICTURES)}"
+                label = f"Picture {len(pictures.answers) + 1} of {PICTURES}"
                 onward = gui.add_button(label, icon=viser.Icon.PLAYER_PLAY, color="teal")
                 on_click(onward, closing(state.next_picture))
         elif exercise is not None:

@@ -28,7 +28,7 @@ from app.trainer.classroom.lesson import Lesson, WatchRequest
 from app.trainer.classroom.teacher_page import TeacherPage
 from app.trainer.client.beside import StartCompanion
 from app.trainer.client.haptic_hand import HapticHand, setting_of
-from app.trainer.client.page_state import PageState
+from app.trainer.client.page_state import BRIEF_SECONDS, NOTICE_SECONDS, PageState
 from app.trainer.client.practice import OLDER_NAMES, SCENES, Practice, SceneName
 from app.trainer.client.workers import EXPORT_VERTICES, Workers
 from app.trainer.connections.bounds import Bounds, Connections, PageConnection, socket_options
@@ -329,10 +329,12 @@ class Trainer:
             elif self._replay is not None:
                 view.replay(self._replay)
             elif lost:
-                client.add_notification("A new duct", LOST, color="yellow")
+                client.add_notification(
+                    "A new duct", LOST, color="yellow", auto_close_seconds=NOTICE_SECONDS
+                )
             elif token == before and view.state.in_exercise and view.session.run.started:
                 words = f"{view.session.run.seconds:.0f} s of it are over."
-                client.add_notification("Your try goes on", words)
+                client.add_notification("Your try goes on", words, auto_close_seconds=BRIEF_SECONDS)
             elif token != before and not _seen(client):
                 show_first_minute(client, view.session)
             uncover_page(client)
@@ -394,7 +396,9 @@ class Trainer:
 
     def _tell_refusal(self, connection: PageConnection, words: str) -> None:
         if (client := page_of(self._server, connection)) is not None:
-            client.add_notification("Not taken", words, color="yellow")
+            client.add_notification(
+                "Not taken", words, color="yellow", auto_close_seconds=NOTICE_SECONDS
+            )
 
     def _tell_fault(self, client: viser.ClientHandle) -> None:
         """Log the fault that has stopped a client's session, and tell the client."""

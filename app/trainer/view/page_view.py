@@ -20,8 +20,7 @@ from app.simulation import (
     exercise_at,
 )
 from app.trainer.client.beside import StartCompanion
-from app.trainer.client.page_state import EXERCISE_GOES_ON, PageState
-from app.trainer.client.picture_series import PictureSeries
+from app.trainer.client.page_state import EXERCISE_GOES_ON, NOTICE_SECONDS, PageState
 from app.trainer.client.practice import Practice, SceneName
 from app.trainer.client.scope_lead import ScopeLead
 from app.trainer.client.workers import Workers, explained
@@ -40,8 +39,6 @@ from organ_geometry import Organ
 PANEL_SECONDS = 0.2
 LEAST_PICTURES = 5.0
 """Frames per second below which a page gets the simple picture."""
-# s that this is said for: on a phone it covers the picture.
-NOTICE_SECONDS = 20.0
 
 
 Scene: TypeAlias = TissueScene | ScopeScene
@@ -104,7 +101,6 @@ class PageView:
         self._panel_due = 0.0
         self._panel_stale = self._figures = True
         self._notice: viser.NotificationHandle | None = None
-        self._series = PictureSeries()
         self._scene: Scene
         self._panel: PagePanel | ScopePanel
         self._lead: ScopeLead | None = None  # of what mouse and keys lead at an anatomy
@@ -162,19 +158,19 @@ class PageView:
         self._panel.replays.watch(run)
 
     def show_picture(self) -> None:
-        """Show the next picture of *Who is who*; after the last one the first again."""
+        """Show the next picture of *Who is who*; after the last one those of another round."""
         if self.state.in_exercise:
             self.state.refuse(EXERCISE_GOES_ON)
             return
-        if self._series.over:
-            self._series = PictureSeries()
-        anatomy = drawn_anatomy(self._series.seed)
+        series = self._practice.series
+        if series.over:
+            series.begin_anew()
+        anatomy = drawn_anatomy(series.seed)
         exercise = exercise_at(anatomy, "who_is_who")
         if exercise is None:
             raise ValueError("this anatomy has no gallbladder to be told from ducts")
         self.show_anatomy(anatomy)
-        self._series.exercise = exercise
-        self.state.series = self._series
+        series.exercise = exercise
         self.state.start_exercise(exercise, Feedback.CONTINUOUS)
         open_tab(self.client, LEARN)
 
@@ -209,7 +205,7 @@ class PageView:
             self.client, session, self._workers, self._exercise_inputs, self._policy
         )
         state.plain = plain
-        state.series, state.next_picture = self._series, self.show_picture
+        state.series, state.next_picture = self._practice.series, self.show_picture
         look: Look = "plain" if plain else "full"
         # Before the scene, which else would be drawn once for the whole window.
         style_panel(self.client.gui)
