@@ -6,6 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,9 +32,11 @@ PACES = (0.7, 1.0, 1.3)
 FRACTION = 0.95
 """Share of the runs of scripted hands that keep their benchmark: who passes so often needs 3.3
 tries for three passes in a row."""
-SPREAD = 1.96
-"""Standard deviations of the others beyond which an expert is left out."""
-LEAST_EXPERTS = 3
+LEAST_EXPERTS, LEAST_JUDGED = 3, 4
+"""Experts without which there is no benchmark, and without which none is left out."""
+MOST_SCORE, OF_NORMAL = 3.5, 0.6745
+"""Modified z-score beyond which an expert is left out (Iglewicz and Hoaglin 1993, How to Detect and
+Handle Outliers), and the median absolute deviation of a normal curve of unit standard deviation."""
 
 
 class _Trembling(Session):
@@ -77,6 +80,11 @@ def scripted_benchmarks(
     # scripted hands do not do keeps what its file has.
     found: list[Benchmark] = []
     passed: dict[str, tuple[int, int]] = {}
+    margins = {
+        (each.level, each.metric): each.margin
+        for each in course.benchmark
+        if each.source == "scripted"
+    }
     for level in course.level:
         if not level.benchmarks or level.goal not in MANNERS:
             continue
@@ -89,7 +97,12 @@ def scripted_benchmarks(
         passed[level.id] = len(runs), len(level.seeds)
         if not runs:
             raise ValueError(f"scripted hands passed level {level.id} on none of its beds")
-        found += [scripted_benchmark(level.id, metric, runs) for metric in level.benchmarks]
+        for metric in level.benchmarks:
+            made, margin = (
+                scripted_benchmark(level.id, metric, runs),
+                margins.get((level.id, metric)),
+            )
+            found.append(msgspec.structs.replace(made, margin=margin or made.margin))
     return found, passed
 
 
@@ -108,7 +121,6 @@ def scripted_benchmark(
 
 def expert_benchmarks(course: Course, tries: Mapping[str, Sequence[Try]]) -> list[Benchmark]:
     """Return benchmarks from chosen people's tries that passed: the mean of each one's mean."""
-    # Who lies beyond 1.96 sd of all is left out (ANZ J Surg 14474).
     found: list[Benchmark] = []
     for level in course.level:
         for metric in dict.fromkeys([*level.benchmarks, INCIDENTS, "time_s"]):
@@ -116,7 +128,7 @@ def expert_benchmarks(course: Course, tries: Mapping[str, Sequence[Try]]) -> lis
             if len(means) < LEAST_EXPERTS:
                 continue
             values = np.array(means)
-            near = np.abs(values - values.mean()) <= SPREAD * values.std(ddof=1)
+            near = near_others(values)
             kept = values[near]
             found.append(
                 _benchmark(
@@ -128,6 +140,17 @@ def expert_benchmarks(course: Course, tries: Mapping[str, Sequence[Try]]) -> lis
             f"a benchmark needs passes of {LEAST_EXPERTS} people in a level; no level has them"
         )
     return found
+
+
+def near_others(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return (N,) which of some experts' values lie near the others'; of few all."""
+    # A z-score cannot exceed (N - 1) / sqrt(N), which is below 1.96 up to five experts: the median
+    # and the median deviation find one among four. Where most are alike there is no spread.
+    away = np.abs(values - np.median(values))
+    deviation = float(np.median(away))
+    if len(values) < LEAST_JUDGED or deviation == 0.0:
+        return np.ones(len(values), dtype=bool)
+    return OF_NORMAL * away <= MOST_SCORE * deviation
 
 
 def _means(level: str, metric: str, tries: Iterable[Sequence[Try]]) -> list[float]:

@@ -1,6 +1,6 @@
 """The course of a class: which it is, where its people stand in it, and what each does next."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from datetime import UTC, datetime
 
 from app.classroom.course import Course, read_course
@@ -12,10 +12,14 @@ from organ_geometry import Organ
 
 
 class ClassCourse:
-    """The course of an open class; tries that were read are kept, as they do not change."""
+    """The course of an open class; finished tries that were read are kept: they do not change.
 
-    def __init__(self, store: ClassStore) -> None:
-        self._store = store
+    `going` gives the runs that go on now: they are not tries yet. An unfinished one of which it is
+    not known has failed.
+    """
+
+    def __init__(self, store: ClassStore, going: Callable[[], Collection[str]] = tuple) -> None:
+        self._store, self._going = store, going
         self._course = None if store.course is None else read_course(store.course)
         self._tries: dict[str, Try] = {}
 
@@ -51,9 +55,13 @@ class ClassCourse:
         found: dict[str, list[Try]] = {
             each.id: [] for each in self._store.people() if person_id in (None, each.id)
         }
+        going = self._going()
         for run in self._store.level_runs(person_id):
-            if (each := self._tries.get(run.id)) is None:
-                each = self._tries[run.id] = Try.of(run)
+            if not run.finished and run.id in going:
+                continue
+            each = self._tries.get(run.id) or Try.of(run)
+            if run.finished:
+                self._tries[run.id] = each
             found.setdefault(run.person_id, []).append(each)
         return found
 

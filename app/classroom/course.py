@@ -61,7 +61,8 @@ class Benchmark(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     n: int  # experts, or runs of scripted hands
     source: Source
     date: str
-    left_out: int = 0  # experts whose mean lies beyond 1.96 sd of the others'
+    left_out: int = 0  # experts whose mean lies far from the others'
+    margin: float = 1.0  # times its value is the mark: scripted hands may know what people look for
 
     def __post_init__(self) -> None:
         if self.metric not in LOWER:
@@ -73,14 +74,22 @@ class Benchmark(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 raise ValueError(f"{name} must be finite, got {getattr(self, name)}")
         if self.sd < 0.0 or self.n < 1 or self.left_out < 0:
             raise ValueError("sd and left_out must be 0 or more, and n 1 or more")
+        if not 0.0 < self.margin < math.inf:
+            raise ValueError(f"margin must be above 0 and finite, got {self.margin}")
+
+    @property
+    def mark(self) -> float:
+        """What a level's passes are held against, before the level's own factor."""
+        return self.margin * self.value
 
     @property
     def origin(self) -> str:
         """Whose it is, in words."""
+        times = "" if self.margin == 1.0 else f"{self.margin:g} times that of "
         if self.source == "scripted":
-            return f"{self.n} runs of scripted hands, {self.date}: no surgeon has set it"
+            return f"{times}{self.n} runs of scripted hands, {self.date}: no surgeon has set it"
         out = f", {self.left_out} left out" if self.left_out else ""
-        return f"{self.n} experts, {self.date}{out}"
+        return f"{times}{self.n} experts, {self.date}{out}"
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -234,7 +243,7 @@ class Course(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def marks(self, level: Level) -> dict[str, float]:
         """Return what a level's passes are held against, by metric."""
         return {
-            metric: factor * benchmark.value
+            metric: factor * benchmark.mark
             for metric, factor in level.benchmarks.items()
             if (benchmark := self.benchmark_of(level.id, metric)) is not None
         }

@@ -186,7 +186,7 @@ def _curve(title: str, values: Sequence[float], own: Sequence[Try]) -> str:
 def _benchmarks(course: Course) -> str:
     rows = "".join(
         f"<li>{html.escape(course.level_of(each.level).title)}, {each.metric.replace('_', ' ')}: "
-        f"{each.value:g} ({html.escape(each.origin)})</li>"
+        f"{each.mark:g} ({html.escape(each.origin)})</li>"
         for each in course.benchmark
     )
     return f"<details><summary>Benchmarks</summary><ul>{rows}</ul></details>" if rows else ""

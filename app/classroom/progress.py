@@ -53,7 +53,7 @@ class Try(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, run: RunRecord) -> "Try":
-        """Return a finished run of a level as a try; one that was given up has failed."""
+        """Return a run of a level as a try; one that was given up or cut short has failed."""
         assert run.level is not None  # noqa: S101 (the caller has looked)
         metrics = renamed_metrics(msgspec.json.decode(run.measures))
         return cls(
@@ -62,7 +62,7 @@ class Try(msgspec.Struct, frozen=True):
             seed=run.seed,
             at=datetime.fromisoformat(run.started_at),
             passed=run.passed is True,
-            reason=run.reason or "It was given up.",
+            reason=run.reason or ("It was given up." if run.finished else "It was cut short."),
             seconds=float(metrics["time_s"]),
             incidents=tuple(read_incidents(run.incidents)),
             metrics=metrics,
@@ -114,7 +114,7 @@ class LevelStanding(msgspec.Struct, frozen=True):
     level: str
     title: str
     state: State
-    row: int  # passes in a row on beds not seen before
+    row: int  # passes in a row on beds not seen before, practice left out
     passes: int  # that are wanted
     tries: int
     seed: int | None  # of the next try
@@ -179,24 +179,28 @@ def _standing(
     where = "an anatomy" if level.goal in AT_ANATOMY else "a bed"
     row, at, missed, run = 0, None, False, None
     checks: list[datetime] = []
-    last = ""
+    last, before = "", None
     for each in tries:
         why = unmet(course, level, each)
-        unseen = not level.seeded or seen[each.seed] <= min(seen[seed] for seed in level.seeds)
-        last = why or ("Passed." if unseen else f"Passed, on {where} that was seen before.")
+        last = why or "Passed."
+        # The last one once more is practice, also where all were seen as often.
+        practice = level.seeded and (
+            seen[each.seed] > min(seen[seed] for seed in level.seeds)
+            or (each.seed == before and seen[each.seed] > 0 and len(level.seeds) > 1)
+        )
         seen[each.seed] += 1
-        if at is None:
-            row = 0 if why else row + unseen
+        before = each.seed
+        if practice:
+            last += f" Practice: on {where} that was seen before."
+        elif at is None:
+            row = 0 if why else row + 1
             if row >= level.passes:
                 at, run = each.at, each.run_id
                 checks = [at + timedelta(days=days) for days in course.retention.days]
         elif checks and each.at >= checks[0]:
-            if not why and unseen:
-                missed = False
-                while checks and each.at >= checks[0]:
-                    checks.pop(0)
-            elif why:
-                missed = True
+            missed = bool(why)
+            while checks and not missed and each.at >= checks[0]:
+                checks.pop(0)
     is_due = bool(checks) and today >= checks[0]
     state: State = "locked"
     if at is not None:

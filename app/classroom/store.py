@@ -468,9 +468,9 @@ class ClassStore:
         return [_record(row) for row in rows]
 
     def level_runs(self, person_id: str | None = None) -> list[RunRecord]:
-        """Return the finished runs of levels of a course, oldest first, without their files."""
+        """Return the runs of levels of a course, oldest first, without their files."""
         rows = self._rows(
-            f"SELECT {_RUN_WITHOUT_FILE} FROM run WHERE level IS NOT NULL AND finished"  # noqa: S608
+            f"SELECT {_RUN_WITHOUT_FILE} FROM run WHERE level IS NOT NULL"  # noqa: S608
             " AND (?1 IS NULL OR person_id = ?1) ORDER BY started_at, rowid",
             person_id,
         )

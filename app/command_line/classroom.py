@@ -11,6 +11,7 @@ from app.command_line.serving import Serving, draw_link, serve, serving
 from app.command_line.shared_options import options_of
 
 if TYPE_CHECKING:
+    from app.classroom.course import Benchmark, Course
     from app.classroom.store import ClassStore
     from app.trainer.server.trainer import Trainer
 
@@ -173,10 +174,8 @@ def course(
             after = f", after {', '.join(each.needs)}" if each.needs else ""
             print(f"  {each.id}: {each.title}, {each.passes} passes in a row{after}")
         for each in book.course.benchmark:
-            level = book.course.level_of(each.level)
-            asked = "" if each.metric in level.benchmarks else ", not asked for"
-            origin = f"{each.origin}{asked}"
-            print(f"  benchmark of {each.metric} in {each.level}: {each.value:g} ({origin})")
+            origin = f"{each.origin}{_asked(book.course, each)}"
+            print(f"  benchmark of {each.metric} in {each.level}: {each.mark:g} ({origin})")
 
 
 @program.command("benchmark")
@@ -197,7 +196,7 @@ def benchmark(
 
     Example: bluntdissect class benchmark "Surgery 3A" --expert Ann --expert Ben --expert Cas
     """
-    from app.classroom.benchmarks import expert_benchmarks, scripted_benchmarks
+    from app.classroom.benchmarks import LEAST_JUDGED, expert_benchmarks, scripted_benchmarks
     from app.classroom.class_course import ClassCourse
     from app.classroom.course import with_benchmarks
     from app.classroom.results import shown_names
@@ -222,7 +221,10 @@ def benchmark(
                 print(f"Scripted hands passed level {level} in {count} of {of} runs.")
         book.choose(with_benchmarks(store.course, found))
         for each in found:
-            print(f"{each.level}, {each.metric}: {each.value:g} ({each.origin})")
+            origin = f"{each.origin}{_asked(book.course, each)}"
+            print(f"{each.level}, {each.metric}: {each.mark:g} ({origin})")
+        if any(each.source == "experts" and each.n < LEAST_JUDGED for each in found):
+            print(f"Of fewer than {LEAST_JUDGED} experts none can be found to be far off.")
 
 
 @program.command("xapi")
@@ -359,6 +361,14 @@ def delete(
         raise
     store.delete()
     print(f"{store.title} is deleted.")
+
+
+def _asked(course: "Course", benchmark: "Benchmark") -> str:
+    """Return how a level asks for its benchmark, unless it does so as it is."""
+    factor = course.level_of(benchmark.level).benchmarks.get(benchmark.metric)
+    if factor is None:
+        return ", not asked for"
+    return "" if factor == 1.0 else f", of which the level asks for {factor:g} times"
 
 
 def _is_file(title: str) -> bool:

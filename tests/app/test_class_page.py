@@ -205,6 +205,22 @@ def test_a_level_is_begun_failed_and_begun_again_on_another_bed_by_keys(
         assert exercise is not None
         assert exercise.opening is not None
         assert exercise.opening.bed_seed == 2
+        # It goes on in a page that is loaded again; in a new tab it cannot, and has failed.
+        cas.lift(1, by_mouse=False)
+        page.wait_until(lambda: not all(each.finished for each in lesson.store.runs()))
+        cas.page.reload()
+        expect(cas.page.get_by_test_id("exercise-state")).to_contain_text("of 120 s")
+        expect(levels).to_contain_text("Last:")
+        expect(levels).not_to_contain_text("It was cut short.")
+        cas.page.evaluate("sessionStorage.clear()")
+        cas.page.reload()
+        expect(levels).to_contain_text("0 of 1 passed in a row.Last: It was cut short.")
+        cas.press_by_keys("Start the next try")
+        expect(cas.page.get_by_test_id("exercise-state")).to_contain_text("Ready")
+        (view,) = [each.view for each in lesson._all()]
+        assert view.session.run.exercise is not None
+        assert view.session.run.exercise.opening is not None
+        assert view.session.run.exercise.opening.bed_seed == 3
         # The teacher sets the other level for all.
         lesson.set_level("front", None)
         expect(levels).to_contain_text("Level 2 of 2: The front.")

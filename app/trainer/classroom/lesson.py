@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 from uuid import uuid4
 from weakref import WeakKeyDictionary
 
@@ -80,6 +81,15 @@ class _Member:
     lock: threading.Lock = field(default_factory=threading.Lock)  # while a duct is put there
 
 
+class _Identity(NamedTuple):
+    """What a run is kept as from its first saving on."""
+
+    id: str
+    started_at: str
+    level: str | None  # of the course, that it is a try at
+    seed: int | None  # of its bed or anatomy
+
+
 @dataclass(frozen=True, slots=True)
 class WatchRequest:
     """What the teacher's page is asked to show: somebody's duct, or a run again."""
@@ -97,14 +107,14 @@ class Lesson:
 
     def __init__(self, store: ClassStore, organ: Organ, preset: Preset | None = None) -> None:
         self.store, self._organ, self._preset = store, organ, preset
-        self.course = ClassCourse(store)
+        self.course = ClassCourse(store, self._going)
         self.version = 0
         self._recorder = Recorder(store, self._statements)
         self.sender = Sender(store)
         self._lock = threading.RLock()
         self._members: dict[PageView, _Member] = {}
         # By the run, so that a run keeps its identity in whatever page it goes on.
-        self._ids: WeakKeyDictionary[Run, tuple[str, str]] = WeakKeyDictionary()
+        self._ids: WeakKeyDictionary[Run, _Identity] = WeakKeyDictionary()
         self._found: tuple[int, list[Result]] = -1, []
         self._read_tries: tuple[int, dict[str, list[Try]]] = -1, {}
         self._assignment: Assignment | None = None
@@ -142,6 +152,8 @@ class Lesson:
         view.state.kept = lambda: self._save_kept(member)
         if came and member.person is not None:
             self._welcome(member)
+        if view.session.run.going:  # a try that its page had left goes on
+            self.version += 1
         self._show(member)
         if came:
             self._put_if_new(member)
@@ -178,7 +190,7 @@ class Lesson:
         last, run = found[-1], member.view.session.run
         if last.run.finished:
             member.last = _last_words(last.run)
-        elif self._ids.get(run, ("", ""))[0] != last.run.id:
+        elif (own := self._ids.get(run)) is None or own.id != last.run.id:
             member.last = (
                 f"{last.run.title} was cut short after {last.seconds:.0f} s. What was saved of it "
                 "is kept; it cannot go on."
@@ -393,6 +405,11 @@ class Lesson:
             self._read_tries = self.version, self.course.tries()
         return self._read_tries[1].get(person.id, [])
 
+    def _going(self) -> set[str]:
+        """Return the runs that go on in an open page."""
+        runs = [each.view.session.run for each in self._all()]
+        return {own.id for each in runs if each.going and (own := self._ids.get(each))}
+
     def _results(self) -> list[Result]:
         """Return all results, read again when there are new ones."""
         if self._found[0] != self.version:
@@ -469,8 +486,6 @@ class Lesson:
         person = member.person
         assert person is not None  # noqa: S101 (callers have looked)
         current = self.assignment
-        with self._lock:
-            run_id, started_at = self._ids.setdefault(run, (uuid4().hex, now()))
         exercise: Exercise | None = run.exercise
         level = member.level[0] if member.level and member.level[1] == exercise else None
         # One that was set and has been stopped takes no try from a level that asks for the same.
@@ -478,8 +493,13 @@ class Lesson:
         mine = current is not None and goes_on and exercise == current[1].exercise
         level = None if mine else level
         seed = member.level[2] if level and member.level else None
+        fresh = _Identity(uuid4().hex, now(), level, seed)
+        with self._lock:
+            run_id, started_at, level, seed = self._ids.setdefault(run, fresh)
+        mine = mine and level is None
         course = self.course.course
-        titled = course.level_of(level).title if course and level else ""
+        levels = () if course is None else course.level  # another may have been set meanwhile
+        titled = next((each.title for each in levels if each.id == level), "")
         incidents = run.incidents() if finished else None
         photographs = list(member.view.state.photographs) if finished else []
         member.saved = SAVING if finished else member.saved
@@ -503,7 +523,7 @@ class Lesson:
                 measures=msgspec.json.encode(content.metrics).decode(),
                 file=run_json(content),
                 level=level,
-                seed=seed if level else None,
+                seed=seed,
                 incidents=None if incidents is None else msgspec.json.encode(incidents).decode(),
             )
             member.save_after = max(SAVE_SECONDS, PATIENCE * (time.monotonic() - began))
@@ -517,7 +537,8 @@ class Lesson:
                 member.saved = member.problem
             elif finished:
                 member.saved = f"{SAVED} {now()[11:19]}"
-            self.version += finished
+            # One that was left, too, which has failed unless it goes on.
+            self.version += finished or member.view not in self._members
             self.sender.wake()
             if finished:
                 self._show_safely(member)
