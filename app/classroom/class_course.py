@@ -20,13 +20,19 @@ class ClassCourse:
 
     def __init__(self, store: ClassStore, going: Callable[[], Collection[str]] = tuple) -> None:
         self._store, self._going = store, going
-        self._course = None if store.course is None else read_course(store.course)
         self._tries: dict[str, Try] = {}
+        self._course: Course | None = None
+        self.read_again()
 
     @property
     def course(self) -> Course | None:
         """The course, if the class has one."""
         return self._course
+
+    def read_again(self) -> None:
+        """Take the course that the class has in its store."""
+        content = self._store.course
+        self._course = None if content is None else read_course(content)
 
     def choose(self, content: str | None) -> None:
         """Take the course in a file, or none; a `ValueError` says what is wrong with it.

@@ -25,7 +25,7 @@ from app.bounded_file import read_bounded
 from app.classroom.class_course import ClassCourse
 from app.classroom.exercise_file import GOALS
 from app.classroom.photograph import kind_of
-from app.classroom.results import Result, flat_measures, results, shown_names
+from app.classroom.results import Result, cell, flat_measures, results, shown_names
 from app.classroom.store import ClassStore, RunRecord
 from app.classroom.xapi import run_statements
 from app.simulation import ERROR_CLASSES, METRICS, MODES, read_incidents, read_run, run_json
@@ -39,6 +39,8 @@ DIGITS, KEY_BYTES = 10, 32
 START = datetime(2000, 1, 1, tzinfo=UTC)
 """When each person's first try is said to have been."""
 ASKED = ("name", "consent", "group")
+OF_EXPORT = ("runs/*.json", "photographs/*", "*.parquet")
+"""Files of an export that a later one to the same folder does not always replace."""
 
 Row = dict[str, Any]
 Kind = Literal["text", "integer", "number"]
@@ -61,6 +63,7 @@ class Written(NamedTuple):
     attempts: int
     left_out: int  # people without consent
     small: tuple[str, ...]  # groups that are not named, as they have too few people
+    older: tuple[str, ...]  # files in the folder that are of an earlier export
 
 
 OUTCOMES = {
@@ -71,8 +74,8 @@ OUTCOMES = {
 CONSEQUENCES = {
     "none": "Nothing followed within a second.",
     "near miss": "The stress passed the exercise's limit, or the break was nearer than 0.25 s.",
-    "minor": "Strands broke out of sight, or up to 2 ml of blood were lost.",
-    "injury": "A tube tore, or more blood was lost.",
+    "minor": "Strands broke out of sight, a wall tore in part, or up to 2 ml of blood were lost.",
+    "injury": "A tube tore, a nick in its wall leaked, or more blood was lost.",
 }
 ERRORS = {each.key: each.title for each in ERROR_CLASSES.values()}
 PERSON = Column("person", "text", "", "Pseudonym: the same in all tables, other in each export.")
@@ -135,13 +138,14 @@ def consent_list(store: ClassStore) -> bytes:
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\r\n")
     table.writerow(ASKED)
-    table.writerows([name, "", ""] for name in shown_names(store.people()).values())
+    table.writerows([cell(name), "", ""] for name in shown_names(store.people()).values())
     return out.getvalue().encode("utf-8-sig")
 
 
 def read_consents(path: Path, store: ClassStore) -> dict[str, str]:
     """Return the group of each person who has consented, by id, from a list that was filled in."""
-    known = {name: who for who, name in shown_names(store.people()).items()}
+    names = {name: who for who, name in shown_names(store.people()).items()}
+    known = {str(cell(name)): who for name, who in names.items()} | names  # as listed, or as typed
     try:
         text = read_bounded(path, LONGEST_LIST, "list of people").decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -156,11 +160,11 @@ def read_consents(path: Path, store: ClassStore) -> dict[str, str]:
         where = f"{path}, line {number}"
         if name not in known:
             raise ValueError(f"{where}: there is nobody called {name!r} in {store.title}")
-        if name in seen:
+        if known[name] in seen:
             raise ValueError(f"{where}: {name!r} is there twice")
         if consent not in ("yes", "no", ""):
             raise ValueError(f"{where}: consent must be yes or no, got {row['consent']!r}")
-        seen.add(name)
+        seen.add(known[name])
         if consent == "yes":
             found[known[name]] = (row["group"] or "").strip()
     if not found:
@@ -224,6 +228,14 @@ def write_research(
     attempts: list[Row] = []
     incidents: list[Row] = []
     statements: list[str] = []
+    written = set[Path]()
+
+    def write(name: str, content: bytes) -> None:
+        path = folder / name
+        make_folder(path.parent, f"cannot write {path.parent}")
+        write_atomic(path, content)
+        written.add(path)
+
     make_folder(folder / "runs", f"cannot write {folder / 'runs'}")
     # Not in the order in which they joined.
     for who in sorted(named, key=lambda who: _digest(key, who)):
@@ -243,12 +255,10 @@ def write_research(
             attempts.append(each.row)
             incidents += each.incidents
             statements += each.statements
-            write_atomic(folder / "runs" / f"{each.row['attempt']}.json", each.file)
+            write(f"runs/{each.row['attempt']}.json", each.file)
             for number, picture in enumerate(each.photographs, 1):
-                make_folder(folder / "photographs", f"cannot write {folder / 'photographs'}")
                 kind = (kind_of(picture) or "image/webp").partition("/")[2]
-                name = f"{each.row['attempt']}-{number}.{kind}"
-                write_atomic(folder / "photographs" / name, picture)
+                write(f"photographs/{each.row['attempt']}-{number}.{kind}", picture)
     measured = _measured(attempts)
     tables = {
         "people": (PEOPLE, people),
@@ -256,14 +266,17 @@ def write_research(
         "incidents": (INCIDENTS, incidents),
     }
     for name, (columns, rows) in tables.items():
-        write_atomic(folder / f"{name}.csv", _csv(columns, rows))
+        write(f"{name}.csv", _csv(columns, rows))
         if parquet:
             _write_parquet(folder / f"{name}.parquet", columns, rows)
-    write_atomic(folder / "dictionary.json", _dictionary(tables))
-    write_atomic(folder / "statements.jsonl", "".join(f"{each}\n" for each in statements).encode())
+            written.add(folder / f"{name}.parquet")
+    write("dictionary.json", _dictionary(tables))
+    write("statements.jsonl", "".join(f"{each}\n" for each in statements).encode())
     if store.course is not None:
-        write_atomic(folder / "course.toml", store.course.encode())
-    return Written(len(people), len(attempts), len(store.people()) - len(people), small)
+        write("course.toml", store.course.encode())
+    there = {path for kind in OF_EXPORT for path in folder.glob(kind)}
+    older = tuple(path.relative_to(folder).as_posix() for path in sorted(there - written))
+    return Written(len(people), len(attempts), len(store.people()) - len(people), small, older)
 
 
 class _Attempt(NamedTuple):

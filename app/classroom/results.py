@@ -161,7 +161,7 @@ def results_csv(found: Sequence[Result]) -> bytes:
     columns = dict.fromkeys([*IDENTITY, *(key for row in rows for key in row)])
     table = csv.DictWriter(out, list(columns), lineterminator="\r\n")
     table.writeheader()
-    table.writerows({key: _cell(value) for key, value in row.items()} for row in rows)
+    table.writerows({key: cell(value) for key, value in row.items()} for row in rows)
     return out.getvalue().encode("utf-8-sig")
 
 
@@ -216,6 +216,6 @@ def flat_measures(measures: Mapping[str, Any]) -> dict[str, object]:
     return flat
 
 
-def _cell(value: object) -> object:
+def cell(value: object) -> object:
     """Return a cell's value; text that a spreadsheet would compute is marked as text."""
     return f"'{value}" if isinstance(value, str) and value[:1] in tuple("=+-@\t\r") else value

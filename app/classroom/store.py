@@ -6,6 +6,7 @@ is overwritten (secure_delete). A backup is a file of the same kind and is opene
 
 import contextlib
 import hashlib
+import json
 import os
 import re
 import secrets
@@ -79,7 +80,13 @@ CREATE TABLE IF NOT EXISTS photograph (
 CREATE TABLE IF NOT EXISTS rating (
     run_id TEXT PRIMARY KEY REFERENCES run ON DELETE CASCADE, points INTEGER NOT NULL
 ) STRICT;
+CREATE TABLE IF NOT EXISTS statement_elsewhere (
+    url TEXT NOT NULL, id TEXT NOT NULL, person_id TEXT, content BLOB NOT NULL,
+    tries INTEGER NOT NULL, sent_at TEXT, refused TEXT, PRIMARY KEY (url, id)
+) STRICT;
 """
+_STATEMENT = "id, person_id, content, tries, sent_at, refused"
+_IS_SENT_TO = " AND (SELECT learning_record_store FROM class) = ?"
 _RUN = (
     "id, person_id, assignment_id, mode, title, started_at, finished, passed, reason, measures,"
     " file, level, seed, incidents"
@@ -217,6 +224,7 @@ class ClassStore:
         self.id: str = row["uuid"]
         self._course: str | None = row["course"]
         self._learning_record_store: str | None = row["learning_record_store"]
+        self._data_version: object = self._value("PRAGMA data_version")
 
     @classmethod
     def new(cls, path: Path, title: str) -> "ClassStore":
@@ -319,10 +327,24 @@ class ClassStore:
     @learning_record_store.setter
     def learning_record_store(self, content: str | None) -> None:
         with self._writing() as db:
+            # Another process may have set one meanwhile.
+            (before,) = db.execute("SELECT learning_record_store FROM class").fetchone()
             db.execute("UPDATE class SET learning_record_store = ?", (content,))
-            if content is None:
-                db.execute("DELETE FROM statement WHERE sent_at IS NULL")
+            old, url = (each and json.loads(each)["url"] for each in (before, content))
+            if url != old:
+                _change_queue(db, old, url)
         self._learning_record_store = content
+
+    def changed_elsewhere(self) -> bool:
+        """Read what another process has set since the last call; return whether it differs."""
+        version = self._value("PRAGMA data_version")
+        if version == self._data_version:
+            return False
+        (row,) = self._rows("SELECT course, learning_record_store, shows_standing FROM class")
+        before = self._course, self._learning_record_store, self._shows_standing
+        self._course, self._learning_record_store = row[0], row[1]
+        self._shows_standing, self._data_version = bool(row[2]), version
+        return (self._course, self._learning_record_store, self._shows_standing) != before
 
     # People
 
@@ -362,18 +384,28 @@ class ClassStore:
         assert found is not None  # noqa: S101 (just written)
         return found
 
-    def delete_person(self, person_id: str, void: Callable[[str], Statement] | None = None) -> bool:
+    def delete_person(self, person_id: str, void: Callable[[Statement], Statement]) -> bool:
         """Delete a person with all runs, overwritten in the file; return whether there was one."""
-        # What waits to be sent goes too; what may have been sent is voided, by what `void` makes.
+        # What waits to be sent goes too; what may have been sent is voided, by what `void` makes,
+        # in each store, once results are sent there.
+        maybe_sent = "FROM {} WHERE person_id = ? AND tries > 0 AND refused IS NULL"
         with self._writing() as db:
             gone = db.execute("DELETE FROM person WHERE id = ?", (person_id,)).rowcount > 0
-            sent = db.execute(
-                "SELECT id FROM statement WHERE person_id = ? AND tries > 0 AND refused IS NULL",
-                (person_id,),
-            ).fetchall()
-            db.execute("DELETE FROM statement WHERE person_id = ?", (person_id,))
-            if void is not None:
-                _queue(db, [void(each["id"]) for each in sent])
+            sent, elsewhere = (
+                db.execute(
+                    f"SELECT {url}, id, person_id, content {maybe_sent.format(table)}",
+                    (person_id,),
+                ).fetchall()
+                for table, url in (("statement", "''"), ("statement_elsewhere", "url"))
+            )
+            for table in ("statement", "statement_elsewhere"):
+                db.execute(f"DELETE FROM {table} WHERE person_id = ?", (person_id,))  # noqa: S608
+            _queue(db, [void(Statement(*each)) for _, *each in sent])
+            db.executemany(
+                "INSERT INTO statement_elsewhere (url, id, person_id, content, tries)"
+                " VALUES (?, ?, ?, ?, 0)",
+                [(url, *astuple(void(Statement(*each)))) for url, *each in elsewhere],
+            )
         with self._lock:
             self._forget()
         return gone
@@ -527,13 +559,13 @@ class ClassStore:
         with self._writing() as db:
             _queue(db, statements)
 
-    def statements_to_send(self, most: int) -> list[Statement]:
-        """Return some that wait, each marked as tried before it is sent."""
+    def statements_to_send(self, receiver: str, most: int) -> list[Statement]:
+        """Return some that wait for a learning record store, each marked as tried before."""
         with self._writing() as db:
             rows = db.execute(
-                "SELECT id, person_id, content FROM statement"
-                " WHERE sent_at IS NULL AND refused IS NULL ORDER BY rowid LIMIT ?",
-                (most,),
+                "SELECT id, person_id, content FROM statement WHERE sent_at IS NULL"  # noqa: S608
+                f" AND refused IS NULL{_IS_SENT_TO} ORDER BY rowid LIMIT ?",
+                (receiver, most),
             ).fetchall()
             db.executemany(
                 "UPDATE statement SET tries = tries + 1 WHERE id = ?",
@@ -541,17 +573,21 @@ class ClassStore:
             )
         return [Statement(*row) for row in rows]
 
-    def statements_sent(self, ids: Iterable[str]) -> None:
-        """Mark statements as sent."""
+    def statements_sent(self, receiver: str, ids: Iterable[str]) -> None:
+        """Mark statements as sent to a learning record store, unless it is another one now."""
         with self._writing() as db:
             db.executemany(
-                "UPDATE statement SET sent_at = ? WHERE id = ?", [(now(), each) for each in ids]
+                f"UPDATE statement SET sent_at = ? WHERE id = ?{_IS_SENT_TO}",  # noqa: S608
+                [(now(), each, receiver) for each in ids],
             )
 
-    def statement_refused(self, statement_id: str, reason: str) -> None:
-        """Mark a statement as refused, which is not sent again."""
+    def statement_refused(self, receiver: str, statement_id: str, reason: str) -> None:
+        """Mark a statement as refused by a store, which is not sent there again."""
         with self._writing() as db:
-            db.execute("UPDATE statement SET refused = ? WHERE id = ?", (reason, statement_id))
+            db.execute(
+                f"UPDATE statement SET refused = ? WHERE id = ?{_IS_SENT_TO}",  # noqa: S608
+                (reason, statement_id, receiver),
+            )
 
     def statement_counts(self) -> tuple[int, int, int, str]:
         """Return how many statements wait, were sent, were refused, and the last refusal's why."""
@@ -593,6 +629,28 @@ def _queue(db: sqlite3.Connection, statements: Iterable[Statement]) -> None:
         "INSERT OR IGNORE INTO statement (id, person_id, content) VALUES (?, ?, ?)",
         [astuple(each) for each in statements],
     )
+
+
+def _change_queue(db: sqlite3.Connection, before: str | None, url: str | None) -> None:
+    """Put away what was for one learning record store, and bring back what is for another."""
+    # What a store may have, and what tells it of deletions, is kept; what else waits is made again.
+    # Of what an earlier version left, it is not known which store has it: it is sent again.
+    db.execute("DELETE FROM statement WHERE tries = 0 AND person_id IS NOT NULL")
+    if before is None:
+        db.execute("UPDATE statement SET sent_at = NULL, refused = NULL")
+    else:
+        db.execute(
+            f"INSERT INTO statement_elsewhere (url, {_STATEMENT})"  # noqa: S608
+            f" SELECT ?, {_STATEMENT} FROM statement",
+            (before,),
+        )
+        db.execute("DELETE FROM statement")
+    db.execute(
+        f"INSERT OR REPLACE INTO statement ({_STATEMENT})"  # noqa: S608
+        f" SELECT {_STATEMENT} FROM statement_elsewhere WHERE url = ?",
+        (url,),
+    )
+    db.execute("DELETE FROM statement_elsewhere WHERE url = ?", (url,))
 
 
 def _record(row: Any) -> RunRecord:

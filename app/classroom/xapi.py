@@ -165,14 +165,15 @@ def run_statements(
     return [Statement(each["id"], run.person_id, msgspec.json.encode(each)) for each in found]
 
 
-def voiding(class_id: str, version: Version, statement_id: str) -> Statement:
+def voiding(class_id: str, statement: Statement) -> Statement:
     """Return the statement that voids another, whose person has been deleted."""
     home = f"{BASE}/classes/{class_id}"
+    version: Version = msgspec.json.decode(statement.content)["version"]
     made: Json = {
-        "id": str(uuid.uuid5(SPACE, f"{class_id}/voids/{statement_id}")),
+        "id": str(uuid.uuid5(SPACE, f"{class_id}/voids/{statement.id}")),
         "actor": {"objectType": "Agent", "account": {"homePage": home, "name": "class"}},
         "verb": _adl("voided"),
-        "object": {"objectType": "StatementRef", "id": statement_id},
+        "object": {"objectType": "StatementRef", "id": statement.id},
         "timestamp": _time(datetime.now(UTC), 0.0),
         "version": version,
     }

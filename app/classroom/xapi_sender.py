@@ -9,8 +9,6 @@ import threading
 import urllib.error
 import urllib.parse
 import urllib.request
-from collections.abc import Callable
-from functools import partial
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,7 @@ import platformdirs
 from app.classroom.class_course import ClassCourse
 from app.classroom.progress import Try
 from app.classroom.store import ClassStore, RunRecord, Statement
-from app.classroom.xapi import VERSIONS, Version, run_statements, voiding
+from app.classroom.xapi import VERSIONS, Version, run_statements
 
 BATCH = 50
 TIMEOUT = 10.0
@@ -91,6 +89,11 @@ def connect(
     found = LearningRecordStore.of(url, version)
     keep_key(store.id, key, secret)
     store.learning_record_store = msgspec.json.encode(found).decode()
+    queue_kept(store, book)
+
+
+def queue_kept(store: ClassStore, book: ClassCourse) -> None:
+    """Queue what the learning record store is to be told of the runs that are kept."""
     for run in store.runs():
         whole = store.run(run.id)
         if whole is not None:
@@ -115,15 +118,6 @@ def class_statements(store: ClassStore, book: ClassCourse, run: RunRecord) -> li
     if run.id not in {each.run_id for each in tries}:
         tries = [*tries, Try.of(run)]
     return run_statements(store.id, version, run, book.course, book.standing(tries))
-
-
-def voided_by(store: ClassStore) -> Callable[[str], Statement] | None:
-    """Return what makes the statement that voids another; None if a class sends none."""
-    content = store.learning_record_store
-    if content is None:
-        return None
-    version = msgspec.json.decode(content, type=LearningRecordStore).version
-    return partial(voiding, store.id, version)
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
@@ -184,28 +178,29 @@ class Sender:
         if content is None:
             return False
         found = msgspec.json.decode(content, type=LearningRecordStore)
-        waiting = self._store.statements_to_send(BATCH)
+        waiting = self._store.statements_to_send(content, BATCH)
         if not waiting:
             return False
         body = b"[" + b",".join(each.content for each in waiting) + b"]"
         code, reason = self._ask(found, "POST", "/statements", body)
         if code in DONE:
-            self._store.statements_sent([each.id for each in waiting])
+            self._store.statements_sent(content, [each.id for each in waiting])
             return True
         if code in ONE_BY_ONE:
-            return True if all(list(map(partial(self._send_one, found), waiting))) else None
+            done = [self._send_one(content, found, each) for each in waiting]
+            return True if all(done) else None
         self.problem = reason
         return None
 
-    def _send_one(self, found: LearningRecordStore, each: Statement) -> bool:
+    def _send_one(self, content: str, found: LearningRecordStore, each: Statement) -> bool:
         """Send one; what the store refuses for itself is kept with its reason."""
         path = f"/statements?statementId={each.id}"
         code, reason = self._ask(found, "PUT", path, each.content)
         # A conflict: it has a statement of this id, which is this one.
         if code in DONE or code == HTTPStatus.CONFLICT:
-            self._store.statements_sent([each.id])
+            self._store.statements_sent(content, [each.id])
         elif code in ONE_BY_ONE:
-            self._store.statement_refused(each.id, reason)
+            self._store.statement_refused(content, each.id, reason)
         else:
             self.problem = reason
             return False

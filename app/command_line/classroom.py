@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 program = typer.Typer(help="A class: a teacher's page, trainees by a link, results that are kept.")
 
+MOST_NAMED = 10
+"""Files of an earlier export that are named."""
+
 Title = Annotated[str, typer.Argument(help="Title of the class, or its file.", metavar="CLASS")]
 
 
@@ -301,6 +304,15 @@ def research_export(
             done = write_research(store, groups, folder, pseudonym_key(key), parquet=parquet)
             print(f"{done.attempts} attempts of {done.people} people are in {folder}.")
             print(f"Left out: {done.left_out} without consent.")
+            if done.left_out:
+                print(
+                    "Who has withdrawn is still in earlier exports. Delete those you keep; files "
+                    "that were handed out cannot be recalled from here."
+                )
+            if done.older:
+                named = ", ".join(done.older[:MOST_NAMED])
+                more = f" and {len(done.older) - MOST_NAMED} more" * (len(done.older) > MOST_NAMED)
+                print(f"In {folder} are files of an earlier export: {named}{more}.")
             if done.small:
                 print(f"Not named, as fewer than five people are in them: {', '.join(done.small)}.")
 

@@ -9,6 +9,7 @@ import socket
 import sqlite3
 import stat
 import threading
+from functools import partial
 from pathlib import Path
 from queue import Queue
 
@@ -32,6 +33,7 @@ from app.classroom.recorder import Recorder
 from app.classroom.report import report_page, results_html
 from app.classroom.results import results, results_csv, results_json, shown_names, standing
 from app.classroom.store import ClassFileError, ClassFullError, ClassStore, class_path
+from app.classroom.xapi import voiding
 from app.simulation import read_run
 
 KILLS = 5
@@ -106,8 +108,9 @@ def test_who_is_deleted_is_in_none_of_the_files(store: ClassStore) -> None:
     ann, ben = (store.name_person(name, f"{name} Unmistakable") for name in ("Annegret", "Benno"))
     for person in (ann, ben):
         store.save(record(person.id, reason=f"reason of {person.name}"))
-    assert store.delete_person(ann.id)
-    assert not store.delete_person(ann.id)
+    void = partial(voiding, store.id)
+    assert store.delete_person(ann.id, void)
+    assert not store.delete_person(ann.id, void)
     everything = b"".join(file.read_bytes() for file in store.path.parent.iterdir())
     assert b"Annegret" not in everything
     assert b"Benno Unmistakable" in everything

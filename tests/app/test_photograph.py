@@ -3,6 +3,7 @@
 import base64
 import csv
 import io
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from app.classroom.photograph import MOST_BYTES, kind_of, photograph_of
 from app.classroom.report import results_html
 from app.classroom.research import write_research
 from app.classroom.store import ClassFullError, ClassStore
+from app.classroom.xapi import voiding
 
 
 def image(kind: str = "WEBP", side: int = 40) -> bytes:
@@ -77,6 +79,6 @@ def test_a_teacher_gives_points_beside_those_computed(store: ClassStore, tmp_pat
     assert store.ratings() == {}
     # They go with the person.
     store.rate(run.id, 5)
-    store.delete_person(person.id)
+    store.delete_person(person.id, partial(voiding, store.id))
     assert store.photographs(run.id) == []
     assert store.ratings() == {}

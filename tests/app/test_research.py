@@ -39,7 +39,7 @@ from app.classroom.research import (
     write_research,
 )
 from app.classroom.store import ClassStore, RunRecord
-from app.simulation import Session, Specimen, exercise_at, read_run, run_json
+from app.simulation import CONSEQUENCES, Session, Specimen, exercise_at, read_run, run_json
 
 NOVICES, EXPERTS = [6, 4, 9, 7, 5, 8, 3, 7, 6, 5], [2, 4, 1, 3, 3, 5, 0, 2]
 SESSIONS = [[5, 6], [3, 2], [8, 7], [4, 6], [9, 8], [2, 3], [6, 6], [7, 5], [1, 3], [5, 4]]
@@ -115,7 +115,7 @@ def test_an_export_has_who_consented_and_nothing_that_says_who(
 ) -> None:
     groups = read_consents(consents(store, tmp_path / "people.csv", GROUPS), store)
     done = write_research(store, groups, tmp_path / "study", KEY, parquet=True)
-    assert done == (6, 30, 2, ("expert",))
+    assert done == (6, 30, 2, ("expert",), ())
     folder = tmp_path / "study"
     people = rows(folder / "people.csv")
     assert [each["group"] for each in people].count("novice") == 5
@@ -149,6 +149,25 @@ def test_an_export_has_who_consented_and_nothing_that_says_who(
         assert same or not again & {each["person"] for each in people}
 
 
+def test_who_has_withdrawn_is_named_in_files_of_an_earlier_export(
+    store: ClassStore, tmp_path: Path
+) -> None:
+    study, key, asks = tmp_path / "study", tmp_path / "key", tmp_path / "people.csv"
+    command = ["class", "research-export", store.path, "--people", asks, "-o", study, "--key", key]
+    consents(store, asks, GROUPS)
+    assert "earlier export:" not in run(*command, "--parquet").stdout
+    before = {each["attempt"]: each["person"] for each in rows(study / "attempts.csv")}
+    consents(store, asks, GROUPS | {"Ben": ""})
+    out = " ".join(run(*command).stdout.split())
+    assert "Left out: 3 without consent." in out
+    assert "files that were handed out cannot be recalled" in out
+    after = {each["attempt"] for each in rows(study / "attempts.csv")}
+    gone = sorted(f"runs/{each}.json" for each in before.keys() - after)
+    assert len(gone) == 5
+    tables = ", ".join(f"{each}.parquet" for each in ("attempts", "incidents", "people"))
+    assert f"files of an earlier export: {tables}, {', '.join(gone)}." in out
+
+
 def test_each_column_is_in_the_dictionary_and_parquet_has_the_same(
     store: ClassStore, tmp_path: Path
 ) -> None:
@@ -174,6 +193,11 @@ def test_each_column_is_in_the_dictionary_and_parquet_has_the_same(
             if "values" in each:
                 assert set(filter(None, texts)) <= set(each["values"])
             assert table.schema.field(each["name"]).metadata[b"unit"].decode() == each["unit"]
+    # What counts as a consequence is told in full.
+    told = next(each for each in tables["incidents"] if each["name"] == "consequence")["values"]
+    assert set(told) == set(CONSEQUENCES)
+    assert "wall tore in part" in told["minor"]
+    assert "leaked" in told["injury"]
     # Every measure of a run is there.
     measures = msgspec.json.decode(record("x").measures)
     for key in measures:
@@ -197,6 +221,15 @@ def test_its_statements_are_valid_and_of_its_people(store: ClassStore, tmp_path:
 
 def test_a_list_of_people_is_read_or_refused_by_its_line(store: ClassStore, tmp_path: Path) -> None:
     path = tmp_path / "people.csv"
+    formula = store.name_person("formula", "=1+1")
+    path.write_bytes(consent_list(store))
+    assert "\r\n'=1+1,,\r\n" in path.read_text("utf-8-sig").replace("\n", "\r\n")
+    for name in ("'=1+1", "=1+1"):  # as it was listed, or as a spreadsheet shows it
+        path.write_text(f"name,consent,group\n{name},yes,novice")
+        assert read_consents(path, store) == {formula.id: "novice"}
+    path.write_text("name,consent,group\n'=1+1,yes,\n=1+1,no,")
+    with pytest.raises(ValueError, match="line 3: '=1\\+1' is there twice"):
+        read_consents(path, store)
     path.write_bytes(consent_list(store))
     with pytest.raises(ValueError, match="nobody has consented"):
         read_consents(path, store)

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
+from functools import partial
 from pathlib import Path
 from string import Formatter
 
@@ -19,10 +20,11 @@ from class_runs import record
 from other_programs import statement_faults
 from program import LONGEST, refused, run
 from record_store import KEY, SECRET, RecordStore
+from simulated import phantom
 from statement_sender import INCIDENTS
 
 from app.classroom.class_course import ClassCourse
-from app.classroom.course import default_course
+from app.classroom.course import default_course, read_course
 from app.classroom.store import ClassStore, RunRecord, Statement
 from app.classroom.xapi import VERSIONS, pseudonym, voiding
 from app.classroom.xapi_sender import (
@@ -32,9 +34,10 @@ from app.classroom.xapi_sender import (
     class_statements,
     connect,
     disconnect,
-    voided_by,
+    keep_key,
 )
 from app.simulation import ERROR_CLASSES, Incident
+from app.trainer.classroom.lesson import Lesson
 
 HERE = Path(__file__).parent
 KILLS = 4
@@ -88,9 +91,7 @@ def every_kind(store: ClassStore, version: str) -> list[Statement]:
     failed = record(person.id, run_id="f", passed=False, reason="Too far.")
     given_up = replace(record(person.id, run_id="g"), level="window", seed=3)
     found += class_statements(store, book, failed) + class_statements(store, book, given_up)
-    void = voided_by(store)
-    assert void is not None
-    return [*found, void(found[0].id)]
+    return [*found, voiding(store.id, found[0])]
 
 
 def test_every_kind_of_statement_is_valid_to_learning_locker(
@@ -192,7 +193,6 @@ def test_statements_made_again_are_the_same_and_have_no_name(
 def test_nothing_is_made_or_sent_until_a_teacher_names_a_store(store: ClassStore) -> None:
     run = mastering(store, 0)
     assert class_statements(store, ClassCourse(store), run) == []
-    assert voided_by(store) is None
     store.save(run)
     assert store.statement_counts() == (0, 0, 0, "")
 
@@ -214,7 +214,7 @@ def test_what_is_kept_is_sent_and_who_is_deleted_is_voided(
         kept = records.kept()
         assert sum(each["verb"]["id"].endswith("mastered") for each in kept.values()) == 1  # type: ignore[index]
         (person,) = store.people()
-        store.delete_person(person.id, voided_by(store))
+        store.delete_person(person.id, partial(voiding, store.id))
         sender.wake()
         # The store has them a moment before they are noted as sent.
         until(lambda: store.statement_counts()[:2] == (0, 5))
@@ -223,6 +223,76 @@ def test_what_is_kept_is_sent_and_who_is_deleted_is_voided(
         assert not list(config.rglob("*.json"))
     finally:
         sender.stop()
+
+
+def test_another_store_gets_all_and_a_deletion_reaches_each_store(
+    store: ClassStore, records: RecordStore, tmp_path: Path
+) -> None:
+    """Also one while results are sent to none: once they are sent there again."""
+    others = RecordStore(tmp_path / "others.sqlite")
+    thread = threading.Thread(target=others.serve_forever)
+    thread.start()
+    store.course = default_course()
+    book, void = ClassCourse(store), partial(voiding, store.id)
+    for number in range(2):
+        store.save(mastering(store, number))
+    sender = Sender(store, first_wait=0.01)
+
+    def sent_to(receiver: RecordStore, count: int, version: str = "1.0.3") -> dict[str, int]:
+        connect(store, book, receiver.url, version, KEY, SECRET)
+        sender.wake()
+        until(lambda: store.statement_counts()[:2] == (0, count))
+        verbs = [str(each["verb"]["id"]).rpartition("/")[2] for each in receiver.kept().values()]  # type: ignore[index]
+        return {verb: verbs.count(verb) for verb in verbs}
+
+    try:
+        whole = {"passed": 2, "erred": 2, "mastered": 1}
+        assert sent_to(records, 5) == whole
+        assert sent_to(others, 5) == whole
+        asked = records.asked
+        assert sent_to(records, 5) == whole
+        assert records.asked == asked  # it has them
+        disconnect(store)
+        assert store.statement_counts() == (0, 0, 0, "")
+        (person,) = store.people()
+        assert store.delete_person(person.id, void)
+        sender.wake()
+        assert (len(records.kept()), len(others.kept())) == (5, 5)  # nothing is sent to nobody
+        assert sent_to(others, 5, "2.0.0") == whole | {"voided": 5}
+        assert sent_to(records, 5) == whole | {"voided": 5}
+        kept = records.kept().values()
+        voids = [each for each in kept if each["verb"]["id"].endswith("voided")]  # type: ignore[index]
+        others_of_it = {each["id"] for each in kept if each not in voids}
+        assert {each["object"]["id"] for each in voids} == others_of_it  # type: ignore[index]
+    finally:
+        sender.stop()
+        others.shutdown()
+        others.server_close()
+        thread.join()
+
+
+def test_an_open_class_takes_what_a_command_sets(store: ClassStore, records: RecordStore) -> None:
+    """A store, to which goes what has ended meanwhile too; a course; and none of them any more."""
+    person = store.name_person("b", "Ann Smith")
+    lesson = Lesson(store, phantom())
+    command = ClassStore(store.path)
+    try:
+        book = ClassCourse(command)
+        book.choose(default_course())
+        until(lambda: lesson.course.course == read_course(default_course()))
+        version = lesson.version
+        store.save(replace(mastering(store, 0), person_id=person.id))  # of which it knows nothing
+        keep_key(store.id, KEY, SECRET)
+        to(command, records.url)
+        until(lambda: len(records.kept()) == 2)
+        assert lesson.version > version
+        disconnect(command)
+        until(lambda: store.learning_record_store is None)
+        book.choose(None)
+        until(lambda: lesson.course.course is None)
+    finally:
+        command.close()
+        lesson.stop()
 
 
 def test_what_a_store_refuses_is_kept_with_its_reason_and_the_rest_is_sent(
@@ -248,8 +318,9 @@ def test_a_store_that_does_not_let_in_is_told_and_asked_again_only_later(
 ) -> None:
     book = ClassCourse(store)
     connect(store, book, records.url, "1.0.3", KEY, "wrong")
-    store.queue(every_kind(store, "1.0.3"))
+    kinds = every_kind(store, "1.0.3")
     to(store, records.url)
+    store.queue(kinds)
     records.retry_after = "3600"
     sender = Sender(store, first_wait=0.01)
     try:
@@ -351,4 +422,6 @@ def test_the_command_says_what_is_sent(tmp_path: Path, store: ClassStore) -> Non
     assert "version must be one of" in refused(
         ["class", "xapi", store.path, "https://a.example/", "--version", "0.9"]
     )
-    assert voiding("c", "1.0.3", "x").id == voiding("c", "1.0.3", "x").id
+    sent = Statement("x", None, b'{"version": "2.0.0"}')
+    assert voiding("c", sent).id == voiding("c", sent).id
+    assert json.loads(voiding("c", sent).content)["version"] == "2.0.0"

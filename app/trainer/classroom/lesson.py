@@ -1,11 +1,14 @@
 """A class at work: its pages, the exercise that is set, and the saving of every run."""
 
+import contextlib
 import html
 import logging
+import sqlite3
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 from uuid import uuid4
 from weakref import WeakKeyDictionary
@@ -20,7 +23,14 @@ from app.classroom.progress import Try, next_level
 from app.classroom.recorder import Recorder
 from app.classroom.results import Result, best, results, shown_names, standing
 from app.classroom.store import Assignment, ClassStore, Person, RunRecord, Statement, now
-from app.classroom.xapi_sender import Sender, class_statements, connect, disconnect, voided_by
+from app.classroom.xapi import voiding
+from app.classroom.xapi_sender import (
+    Sender,
+    class_statements,
+    connect,
+    disconnect,
+    queue_kept,
+)
 from app.simulation import (
     Exercise,
     Preset,
@@ -253,7 +263,7 @@ class Lesson:
 
     def delete(self, person_id: str) -> None:
         """Delete a person with all results; who is here yet may join anew."""
-        if not self.store.delete_person(person_id, voided_by(self.store)):
+        if not self.store.delete_person(person_id, partial(voiding, self.store.id)):
             raise ValueError("There is nobody like that.")
         self.version += 1
         self.sender.wake()
@@ -551,6 +561,7 @@ class Lesson:
         """Save runs that go on, and bring the cards up to date."""
         version = self.version
         while not self._stopping.wait(LOOK_SECONDS):
+            self._look_elsewhere()
             changed, version = version != self.version, self.version
             for member in self._all():
                 if time.monotonic() - member.saved_at > member.save_after:
@@ -559,6 +570,26 @@ class Lesson:
                 if changed or busy != member.busy or self._assignment is not None:
                     member.busy = busy
                     self._show_safely(member)
+
+    def _look_elsewhere(self) -> None:
+        """Take what a command has set for the class while it is open."""
+        receiver = self.store.learning_record_store
+        try:
+            if not self.store.changed_elsewhere():
+                return
+            self.course.read_again()
+        except (sqlite3.Error, ValueError):
+            log.warning("what a command has set could not be read", exc_info=True)
+            return
+        if self.store.learning_record_store not in (None, receiver):
+            # Runs that ended since the command has read them.
+            threading.Thread(target=self._queue_kept, name="xapi", daemon=True).start()
+        self._course_changed()
+
+    def _queue_kept(self) -> None:
+        with contextlib.suppress(sqlite3.ProgrammingError):  # closed meanwhile
+            queue_kept(self.store, self.course)
+        self.sender.wake()
 
     def _show_all(self) -> None:
         for member in self._all():
