@@ -16,6 +16,7 @@ from program import free_port
 from simulated import phantom
 
 from app.classroom.course import default_course
+from app.classroom.exercise_file import read_exercise
 from app.classroom.store import ClassStore, RunRecord
 from app.trainer.classroom.lesson import Lesson
 from app.trainer.server.trainer import Trainer
@@ -136,6 +137,32 @@ def test_an_exercise_is_set_by_fields(teacher: Page, running: Trainer) -> None:
     assert exercise.opening.bed == "loose"
     assert exercise.limit_of["peak_stress_ratio"] == 0.6
     assert exercise.errors["leaning"] == 2
+    # A page that is opened now shows it, and changes of it only what is changed there.
+    running._lesson.assign(
+        current[0].text.replace("[duct]", '[duct]\npreset = "thesis-bile-duct"\nrelaxes = true')
+    )
+    teacher.reload()
+    teacher.get_by_text("Choose an exercise").click()
+    expect(form.locator("#goal")).to_have_value("follow_front")
+    expect(form.get_by_label("Title")).to_have_value('Slow "front"')
+    expect(form.locator("#bed")).to_have_value("loose")
+    form.get_by_text("Limits").click()
+    fields = form.locator("[data-goal=follow_front]")
+    expect(fields.get_by_label("Peak stress at most")).to_have_value("60")
+    expect(fields.get_by_label("Time, s")).to_have_value("75")
+    form.get_by_text("Errors that fail it").click()
+    expect(form.get_by_label("Pulled sideways")).to_have_value("2")
+    fields.get_by_label("Time, s").fill("80")
+    current = running._lesson.assignment
+    assert current is not None
+    before = read_exercise(current[0].text)
+    teacher.locator("#assign").click()
+    expect(teacher.locator("#notice")).to_contain_text("is set. Start it")
+    current = running._lesson.assignment
+    assert current is not None
+    after = read_exercise(current[0].text)
+    assert after == msgspec.structs.replace(before, limits=before.limits | {"time_limit_s": 80})
+    assert (after.duct.preset, after.duct.relaxes) == ("thesis-bile-duct", True)
     # A free duct has no bed, and a wrong number is told.
     teacher.get_by_text("Choose an exercise").click()  # it has closed: the exercise is set
     form.locator("#goal").select_option("hold_stretch")

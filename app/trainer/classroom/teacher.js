@@ -96,11 +96,14 @@ function written() {
     };
     const filled = where => [...where.querySelectorAll("input[data-key]")].filter(input => input.value !== "");
     const seed = $("form").querySelector("[data-key=seed]");
-    if (where) {
+    const preset = where === "anatomy" ? "" : $("preset").value;
+    if (where || preset) {
         lines.push("", "[duct]");
+        if (preset) lines.push(`preset = ${JSON.stringify(preset)}`);
+        if (where === "bed" && $("relaxes").value) lines.push("relaxes = true");
         if (where === "anatomy") lines.push(`anatomy = ${JSON.stringify($("anatomy").value)}`);
-        else if ($("bed").value) lines.push(`bed = ${JSON.stringify($("bed").value)}`);
-        if (seed.value) lines.push(number(seed));
+        else if (where && $("bed").value) lines.push(`bed = ${JSON.stringify($("bed").value)}`);
+        if (where && seed.value) lines.push(number(seed));
     }
     lines.push("", "[limits]", ...filled($("form").querySelector(`[data-goal=${goal}]`)).map(number));
     lines.push("", "[errors]", ...filled($("errors")).map(number));

@@ -22,7 +22,7 @@ from websockets.http11 import Request, Response
 
 from app.classroom.course import default_course
 from app.classroom.course_page import course_html, level_choices
-from app.classroom.exercise_file import template
+from app.classroom.exercise_file import ExerciseFile, read_exercise, template
 from app.classroom.exercise_form import exercise_form
 from app.classroom.photograph import kind_of
 from app.classroom.report import report_page, results_html, style
@@ -180,7 +180,7 @@ class TeacherPage:
             "TITLE": html.escape(store.title),
             "LINK": html.escape(link),
             "CODE": code,
-            "FORM": exercise_form(),
+            "FORM": exercise_form(None if current is None else _as_set(text)),
             "COURSE": html.escape(store.course or default_course()),
             "EXERCISE": html.escape(text),
             "STANDING": "checked" if store.shows_standing else "",
@@ -278,6 +278,14 @@ class TeacherPage:
             return "Results are sent, those that are kept first."
         lesson.show_standing(command.shown)
         return "Trainees see where they stand." if command.shown else "Only you see the results."
+
+
+def _as_set(text: str) -> ExerciseFile | None:
+    """Return the exercise that is set; None of one that an earlier version took."""
+    try:
+        return read_exercise(text)
+    except ValueError:
+        return None
 
 
 def _file(name: str) -> str:
