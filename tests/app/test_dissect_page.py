@@ -34,6 +34,7 @@ from app.trainer.client.replay_playback import LivePlayback, ReplayPlayback
 from app.trainer.panel.debrief import next_time
 from app.trainer.panel.page_panel import PagePanel
 from app.trainer.scene import drag_proxy
+from app.trainer.scene.tissue_scene import TissueScene
 from app.trainer.server.trainer import Trainer
 from app.trainer.stage.camera import Viewpoint
 from app.trainer.view.page_view import PageView
@@ -662,8 +663,17 @@ def test_a_debrief_names_each_error_and_plays_its_moment_and_show_me_a_good_hand
         tab.wait_until(lambda: tab.slider("Time (s)") == round(playback(view).time, 2))
         tab.slide("Time (s)", at)
         expect(page.get_by_test_id("replayed-error")).to_contain_text(found[0].sentence)
+        # The hand that made it is marked where it is then, and no longer once the replay is left.
+        assert isinstance(view._scene, TissueScene)
+        annotations = view._scene._annotations
+        tab.wait_until(lambda: annotations._lit is not None and annotations._lit.visible)
+        lit, erring = annotations._lit, playback(view).session.tissue.hands[found[0].hand or 0]
+        assert lit is not None
+        assert lit._label.text == "This left hand"
+        tab.wait_until(lambda: np.allclose(lit._frame.position, erring.place))
         tab.press("Leave the replay")
         tab.wait_until(lambda: view.state.playback is None)
+        tab.wait_until(lambda: not lit.visible)
         # The scripted expert where he has freed as much.
         tab.open("Learn")
         tab.press("Result of the last run")

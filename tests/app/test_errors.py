@@ -278,6 +278,7 @@ def test_errors_at_several_tubes_name_the_tube_and_what_it_lost() -> None:
     names = session.spatial.tubes.names
     artery = names.index("artery")
     assert session.grab(0, 10.0, artery) is not None
+    session.spatial._note("clip", artery, 20.0, 1)  # the other hand's, which opens nothing
     lift_until(session, 0, "bleeding", (0.0, 0.0, 0.3))
     session.choose_instrument(1, "grasper")
     assert session.grab(1, 30.0, names.index("gallbladder")) is not None
@@ -288,6 +289,7 @@ def test_errors_at_several_tubes_name_the_tube_and_what_it_lost() -> None:
     assert f"the cystic artery tore at {tear.station:.0f} mm" in found["tear"].sentence
     tension, bleeding = found["tension_on_vessel"], found["bleeding"]
     assert tension.tube == bleeding.tube == artery
+    assert bleeding.hand == 0
     assert tension.start_s < found["tear"].start_s <= bleeding.start_s
     assert 50.0 < float(tension.values["stress_percent"]) <= 100.0
     lost = 1e-3 * session.spatial.fluids["blood"].lost

@@ -617,6 +617,38 @@ def test_a_failed_try_names_its_cause_first_stands_still_and_is_begun_anew(
         expect(page.get_by_test_id("standing")).to_contain_text("triangle, 0 of 2: 0 % free, 60 %")
 
 
+LIT = """() => [bluntdissectScope.lit ?? null, bluntdissectScope.picture.meshes.filter(
+    mesh => mesh.visible && mesh.material.uniforms.uLit?.value === 1).length]"""
+
+
+def test_the_hand_that_made_an_error_is_lit_when_its_moment_is_played(
+    calot: Trainer, browser: Browser
+) -> None:
+    with scope_page(browser, calot, height=800) as shown:
+        tab, view, page = shown.tab, shown.view, shown.tab.page
+        stop_time(tab, calot, view)
+        performed(read_script(SCRIPTS / "hasty.toml"), view.session)
+        run, incidents = view.session.run_file(), view.session.run.incidents()
+        error = next(each for each in incidents if each.hand is not None)
+        quiet = error.start_s - 1.5  # before it is played
+        assert not [each for each in incidents if each.start_s - 1.0 <= quiet <= each.end_s + 1.0]
+        assert page.evaluate(LIT) == [None, 0]
+        view.state.start_replay(run, error.start_s - 0.9, incidents)
+        playback = view.state.playback
+        assert playback is not None
+        playback.pause()
+        pieces = {"hook": 2, "swab": 2, "suction": 2}.get(
+            view.session.spatial.hands[error.hand or 0].instrument, 3
+        )  # a shaft, and a jaw or two
+        tab.wait_until(lambda: page.evaluate(LIT) == [error.hand, pieces])
+        playback.seek(quiet)
+        tab.wait_until(lambda: page.evaluate(LIT) == [None, 0])
+        playback.seek(error.start_s)
+        tab.wait_until(lambda: page.evaluate(LIT) == [error.hand, pieces])
+        view.state.leave_replay()
+        tab.wait_until(lambda: page.evaluate(LIT) == [None, 0])
+
+
 def test_structures_are_pointed_at_by_keys_and_mouse_and_photographed(
     calot: Trainer, drawing_browser: Browser
 ) -> None:

@@ -481,9 +481,9 @@ class ErrorFinder:
             lost = 1e-3 * sum(each.lost for each in blood.holes if each.tube == name)
             harm: Consequence = "injury" if lost > SERIOUS_ML else "minor"
             if name != duct.opens_torn:  # which nobody's hand has torn
-                by = [each.hand for each in duct.events if each.tube == name]
+                began = [e for e in duct.events if (e.kind, e.tube) == ("bleeding", name)]
                 incidents.note(
-                    "bleeding", by[0] if by else None, hole.station, lost, tube=tube,
+                    "bleeding", began[-1].hand if began else None, hole.station, lost, tube=tube,
                     consequence=harm, lost_ml=lost, seconds=seconds, name=self._titles[tube],
                 )  # fmt: skip
             if not parted or seconds <= limits["seconds"]:

@@ -79,6 +79,7 @@ flow out of a tube, and that no longer does; a clip that closes a tube, and scis
 it."""
 
 LOSSES: dict[str, EventKind] = {"blood": "bleeding", "bile": "leak"}
+OPENINGS: tuple[EventKind, ...] = ("nick", "tear", "division")
 LEAST_FLOW = 1e-3
 """mm^3/s. Out of a tube that loses less, nothing flows."""
 LIFTED_AT_MM, LIFT_MM_S, SETTLE_TICKS = 10.0, 10.0, 30
@@ -958,8 +959,14 @@ class SpatialTissue:
                 self._leaking ^= {key}
                 tube = self.tubes.names.index(name)
                 at = next(hole.station for hole in flow.holes if hole.tube == name)
-                by = [each.hand for each in self.events if each.tube == name]
-                self._note(LOSSES[fluid] if now else "stanched", tube, at, by[-1] if by else None)
+                kind = LOSSES[fluid] if now else "stanched"
+                # It flows out of what was opened last, whoever has clipped the tube since.
+                by = [
+                    each.hand
+                    for each in self.events
+                    if each.tube == name and (not now or each.kind in OPENINGS)
+                ]
+                self._note(kind, tube, at, by[-1] if by else None)
         return bool(self._leaking)
 
     @property

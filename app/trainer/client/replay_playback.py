@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 
 from app.simulation import TICK_SECONDS, TICKS_PER_SECOND, Incident, Replay, Session
 
+BEFORE = 1.0
+"""s before an error from which its moment is played."""
 SEEK_SECONDS = 0.4 * TICK_SECONDS
 """s of work on a jump in one tick of the clock, which serves the other clients too."""
 # Ticks replayed between two readings of the clock: about a millisecond of work.
@@ -47,6 +49,15 @@ class ReplayPlayback:
     def incidents(self) -> Sequence[Incident]:
         """The run's errors, or those until now."""
         return self.session.run.incidents() if self._incidents is None else self._incidents
+
+    @property
+    def incident(self) -> Incident | None:
+        """The error that is made now, or about to be, or was made a moment ago."""
+        time = self.time
+        near = [
+            each for each in self.incidents if each.start_s - BEFORE <= time <= each.end_s + BEFORE
+        ]
+        return min(near, key=lambda each: abs(each.start_s - time), default=None)
 
     @property
     def time(self) -> float:
@@ -115,6 +126,7 @@ class LivePlayback:
     speed = 1  # whatever is chosen: it goes on as the other page does
     playing = at_end = False
     incidents: Sequence[Incident] = ()
+    incident = None
 
     def __init__(self, session: Session, find: Callable[[], Session | None]) -> None:
         self.session, self._find = session, find  # to be read only

@@ -21,12 +21,11 @@ from app.simulation import (
     Outcome,
     Series,
 )
+from app.trainer.client.replay_playback import BEFORE
 from app.trainer.panel.controls import command, figure
 from app.trainer.panel.plots import DISTANCE_COLOUR, HAND_COLOURS, LIMIT_COLOUR
 from app.trainer.viser_bridge.private_api import page_number
 
-BEFORE = 1.0
-"""s before an error from which its moment is played."""
 MOST_ERRORS, MOST_ALIKE = 12, 3
 """Errors that are listed one by one, the most important of a run, and of those of one class."""
 MOST_POINTS = 300

@@ -9,7 +9,7 @@ from app.simulation import ERROR_CLASSES, Incident, RunFile, Session, read_run, 
 from app.trainer.client.page_state import PageState
 from app.trainer.panel.caption import Caption, reached_words
 from app.trainer.panel.controls import note, number, on_click, on_input, set_if_changed
-from app.trainer.panel.debrief import BEFORE, where
+from app.trainer.panel.debrief import where
 from app.trainer.panel.export_box import add_export
 from app.trainer.panel.frame import LEARN, REPLAY
 from app.trainer.panel.result_page import run_name
@@ -111,7 +111,7 @@ class ReplayTab:
             (self._csv, not there),
         ):
             set_if_changed(handle, visible=visible)
-        there_now = _near(playback.incidents, playback.time) if playback is not None else None
+        there_now = None if playback is None else playback.incident
         text = "" if there_now is None else _error_html(there_now, hands=not state.in_plane)
         if playback is not None and not playback.incidents:
             text = self._caption_html(playback.session)
@@ -175,12 +175,6 @@ class ReplayTab:
         if playback is not None:
             playback.seek(number(seconds))
             playback.pause()
-
-
-def _near(incidents: Sequence[Incident], time: float) -> Incident | None:
-    """Return the error that is made now, or about to be, or was made a moment ago."""
-    near = [each for each in incidents if each.start_s - BEFORE <= time <= each.end_s + BEFORE]
-    return min(near, key=lambda each: abs(each.start_s - time), default=None)
 
 
 def _error_html(each: Incident, *, hands: bool) -> str:

@@ -5,7 +5,14 @@ import viser
 
 from app.simulation import Dissection, Exercise, FreeLength, Phase, Reading, Session
 from app.trainer.scene.comparison_meshes import ChainLines, GhostMesh
-from app.trainer.scene.goal_band import HALF_LENGTH, GoalBand, GoalStretch, HoldMark, MoveMark
+from app.trainer.scene.goal_band import (
+    HALF_LENGTH,
+    GoalBand,
+    GoalStretch,
+    HoldMark,
+    LitHand,
+    MoveMark,
+)
 from app.trainer.scene.overlay import Overlay
 from app.trainer.stage.appearance import drawn_radius
 
@@ -27,11 +34,20 @@ class Annotations:
         self._overlay: Overlay | None = None
         self._ghost: GhostMesh | None = None
         self._chain: ChainLines | None = None
+        self._lit: LitHand | None = None
         self._nodes = np.zeros((0, 3))
         # Found once for each organ: its sections take milliseconds.
         self._radius, self._first = 0.0, np.zeros(3)
 
-    def draw(self, session: Session, reading: Reading, *, figures: bool, overlay: bool) -> None:
+    def draw(
+        self,
+        session: Session,
+        reading: Reading,
+        *,
+        figures: bool,
+        overlay: bool,
+        lit: int | None = None,
+    ) -> None:
         """Draw the annotations that are wanted, as they are now."""
         dissection, whole = session.tissue.dissection, reading.phase is Phase.INTACT
         with self._client.atomic():
@@ -46,6 +62,7 @@ class Annotations:
             self._draw_overlay(session, overlay and whole)
             self._draw_ghost(session, figures)
             self._draw_chain(session, figures)
+            self._light_hand(session, lit)
 
     def say_standing(self, session: Session, *, figures: bool) -> None:
         """Write at the goal what to do now; the text changes with time even if nothing moves."""
@@ -114,6 +131,18 @@ class Annotations:
         if wanted:
             self._overlay.show(session.drawn.transforms, session.tissue.dissection.frame[:, 2])
 
+    def _light_hand(self, session: Session, lit: int | None) -> None:
+        """Mark the hand that has made an error, or none."""
+        hands = session.tissue.hands
+        if self._lit is None:
+            if lit is None:
+                return
+            self._lit = LitHand(self._client.scene)
+        self._lit.visible = lit is not None
+        if lit is not None:
+            whose = f"{('left', 'right')[lit]} " if len(hands) > 1 else ""
+            self._lit.show(hands[lit].place, f"This {whose}hand")
+
     def _draw_ghost(self, session: Session, figures: bool) -> None:
         ghost = session.ghost if figures else None
         if self._ghost is None:
@@ -143,9 +172,9 @@ class Annotations:
         """Remove all annotations from the scene."""
         for aid in (
             self._goal, self._stretch, self._holds, self._move, self._overlay, self._ghost,
-            self._chain,
+            self._chain, self._lit,
         ):  # fmt: skip
             if aid is not None:
                 aid.remove()
         self._goal = self._stretch = self._stretch_of = self._holds = self._move = None
-        self._overlay = self._ghost = self._chain = None
+        self._overlay = self._ghost = self._chain = self._lit = None

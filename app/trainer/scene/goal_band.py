@@ -14,6 +14,8 @@ LABEL_ASIDE = 0.15
 # px.
 LINE_WIDTH = 2.5
 RING_MM, RING_SIDES = 1.5, 24
+LIT_MM, LIT_COLOR = 3.5, (255, 255, 255)
+"""Of the ring round a hand that has made an error: white, so that no colour needs to be told."""
 
 
 def _lines(
@@ -100,6 +102,29 @@ class HoldMark(Drawn):
         self._tick.points = ends
         self._label.position = ends[0, 1]
         self._label.text = f"{strands} hold{'s' * (strands == 1)} here"
+
+
+class LitHand(Drawn):
+    """A ring round the tip of the hand that has made an error, and whose it is in words."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        angles = np.linspace(0.0, 2.0 * np.pi, RING_SIDES + 1)
+        around = LIT_MM * np.stack([np.cos(angles), 0.0 * angles, np.sin(angles)], axis=1)
+        ring = np.stack([around[:-1], around[1:]], axis=1).astype(np.float32)
+        self._frame = scene.add_frame("/lit", show_axes=False)
+        scene.add_line_segments(
+            "/lit/ring", ring, LIT_COLOR, thickness=2.0 * LINE_WIDTH, thickness_units="screen"
+        )
+        self._label = scene.add_label(
+            "/lit/label", "", position=(0.0, 0.0, LIT_MM), anchor="bottom-center"
+        )
+        super().__init__(self._frame)
+
+    def show(self, tip: NDArray[np.float64], words: str) -> None:
+        """Show it at a tip, (3,) mm."""
+        self._frame.position = tip
+        if self._label.text != words:
+            self._label.text = words
 
 
 class MoveMark(Drawn):

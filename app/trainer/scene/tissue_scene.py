@@ -111,10 +111,11 @@ class TissueScene:
         *,
         figures: bool = True,
         overlay: bool = False,
+        lit: int | None = None,
     ) -> None:
         """Draw the session as it is now, with the `figures` of forces and comparisons or without.
 
-        An `overlay` is the model's points.
+        An `overlay` is the model's points; a hand that is `lit` has made an error.
         """
         session = self._session
         with self._client.atomic():
@@ -136,7 +137,7 @@ class TissueScene:
                 for nick in reading.nicks:
                     drawn.contact.open_nick(nick.station, nick.side, nick.depth)
             self._show([] if colours == "tissue" else self.values(colours))
-            self._annotations.draw(session, reading, figures=figures, overlay=overlay)
+            self._annotations.draw(session, reading, figures=figures, overlay=overlay, lit=lit)
 
     def show_ghost(self, ghost: Session | None) -> None:
         """Draw a policy's ghost beside the session, or none."""

@@ -323,6 +323,7 @@ class PageView:
             state.colours if state.figures_visible else "tissue",
             figures=state.figures_visible,
             overlay=state.overlay,
+            lit=_culprit(state),
         )
         if isinstance(scene, TissueScene):
             scene.show_ghost(None if state.playback is not None else state.beside.ghost)
@@ -388,6 +389,13 @@ class PageView:
                 )
 
         watch_pace(self.client, least=LEAST_PICTURES, command=command, remedy=remedy)
+
+
+def _culprit(state: PageState) -> int | None:
+    """Return the hand that makes the error which a replay shows now, if one does."""
+    playback = state.playback
+    incident = None if playback is None else playback.incident
+    return None if incident is None else incident.hand
 
 
 def _why(run: Run) -> str:

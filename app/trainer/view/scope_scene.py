@@ -46,6 +46,7 @@ class ScopeScene:
         # as the page has it: a hand or what else is led, by which end, where the cross is
         self._leads: tuple[int, tuple[float, float] | None] | None = None
         self._warning = ""
+        self._lit: int | None = None  # the hand that is lit, as the page has it
         # The strands that are to be marked and the ring, as they are and as the page has them.
         self._asked = self._marks = _NO_MARKS
         self._frame = client.scene.add_frame("/scope", show_axes=False)
@@ -95,13 +96,20 @@ class ScopeScene:
         *,
         figures: bool = True,
         overlay: bool = False,
+        lit: int | None = None,
     ) -> None:
-        """Draw the session as it is now, as the camera sees it; `figures` warn of a break."""
+        """Draw the session as it is now, as the camera sees it; `figures` warn of a break.
+
+        A hand that is `lit` has made an error.
+        """
         draw_tissue(self._set_picture(), self._session.spatial, self._held)
         warning = self._near_break(reading) if figures else ""
         if warning != self._warning:
             self._warning = warning
             run_function(self._client.scene, "bluntdissectScope.warn", warning)
+        if lit != self._lit:
+            self._lit = lit
+            run_function(self._client.scene, "bluntdissectScope.light", lit)
         led = self._led
         (marked, ring), self._marks = self._marks, self._asked
         if marked != self._marks[0]:
@@ -190,7 +198,7 @@ class ScopeScene:
                 self._held.scope,
                 plain=self._look == "plain",
             )
-            self._leads, self._warning, self._marks = None, "", _NO_MARKS
+            self._leads, self._warning, self._marks, self._lit = None, "", _NO_MARKS, None
         return self._picture
 
     def _clear(self) -> None:

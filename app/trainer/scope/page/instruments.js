@@ -105,6 +105,9 @@
       return Math.hypot(...sub(off, axis.map(v => v * dot(off, axis))));
     }
 
+    // Light it up, as the hand that has made an error, or not.
+    light(on) { for (const piece of [this.shaft, ...this.jaws]) piece.light(on); }
+
     hide() { for (const piece of [this.shaft, ...this.jaws]) piece.hide(); }
     remove() { for (const piece of [this.shaft, ...this.jaws]) piece.remove(); }
   }
@@ -114,4 +117,10 @@
     { line: [[-1.9, 0.42, 0], [1.7, 0.42, 0], [2.15, 0, 0], [1.7, -0.42, 0], [-1.9, -0.42, 0]], wide: [0.38, 0.38, 0.34, 0.38, 0.38], made: TITANIUM, sides: 8 },
   ]);
   scope.Instrument = Instrument;
+  // Light up one hand's instrument, by the hand's number; null lights none.
+  scope.light = hand => {
+    scope.lit = hand;
+    scope.picture?.instruments.forEach((shown, i) => shown?.light(i === hand));
+    viewer.redraw();
+  };
 })();

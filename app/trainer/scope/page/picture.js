@@ -159,11 +159,12 @@
     // A mesh that is placed by three axes and a place.
     #piece(shape) {
       const geometry = this.make.geometry({ position: [new Float32Array(shape.position), 3], normal: [new Float32Array(shape.normal), 3], stuff: [new Float32Array(shape.stuff), 1] }, new Uint32Array(shape.index));
-      const matrix = this.make.matrix(), mesh = this.put(geometry, this.material(["steel.vert"], ["common", "steel.frag"], { uPlace: matrix }, { side: 2 }));
+      const matrix = this.make.matrix(), mesh = this.put(geometry, this.material(["steel.vert"], ["common", "steel.frag"], { uPlace: matrix, uLit: 0 }, { side: 2 }));
       const hide = () => { mesh.visible = false; };
       hide();
       return {
         set(x, y, z, p) { mesh.visible = true; matrix.set(x[0], y[0], z[0], p[0], x[1], y[1], z[1], p[1], x[2], y[2], z[2], p[2], 0, 0, 0, 1); },
+        light(on) { mesh.material.uniforms.uLit.value = on ? 1 : 0; },
         hide,
         remove: () => { this.group.remove(mesh); geometry.dispose(); mesh.material.dispose(); this.meshes.splice(this.meshes.indexOf(mesh), 1); },
       };
@@ -287,6 +288,7 @@
           shown?.remove();
           const made = name ? new scope.Instrument(name, given.trocars[i], shape => this.#piece(shape)) : null;
           this.instruments[i] = shown = made && Object.assign(made, { name });
+          shown?.light(i === scope.lit);
         }
         if (!shown) return;
         this.pivotError = Math.max(this.pivotError, shown.show(hand, rods));
@@ -481,7 +483,7 @@
     wanted = null;
     scope.leave();
     scope.picture?.remove();
-    scope.picture = null;
+    scope.picture = scope.lit = null;
     viewer.hold(false);
     viewer.redraw();
   };

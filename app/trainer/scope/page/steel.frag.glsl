@@ -1,4 +1,5 @@
 // Instruments: what they mirror is the cavity, warm below and dark above; teeth inside the jaws.
+uniform float uLit;  // 1 of the hand that has made an error: it glows, most at its outline
 varying float vStuff;
 varying vec3 vOwn;
 void main() {
@@ -29,5 +30,6 @@ void main() {
     c = fall * (vec3(0.012, 0.012, 0.014) * (0.4 + nl) + 0.045 * gloss(nh, 0.38) + 0.012 * gloss(nh, 0.2)
       + vec3(0.02, 0.006, 0.004) * pow(1.0 - abs(dot(n, v)), 2.0));
   }
+  c += uLit * (0.10 + 0.9 * pow(1.0 - abs(dot(n, v)), 1.5));
   gl_FragColor = vec4(camera(c), 1.0);
 }
