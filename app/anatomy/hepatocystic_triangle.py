@@ -91,7 +91,7 @@ def anatomy_of(case: Case) -> Anatomy:
     # With these beginnings of a course a tube is not clear, whatever comes after it.
     hopeless: set[tuple[float, ...]] = set()
     for depth, chord, apart, turn in product(_DEPTHS, _CHORDS, _APART, _TURNS):
-        begun = {"rha": (depth, chord)}
+        begun: dict[str, tuple[float, ...]] = {"rha": (depth, chord)}
         if case.kinds["cystic_artery"] != "outside":
             begun["artery"] = (depth, chord, turn)
         if not hopeless.isdisjoint(begun.values()):
