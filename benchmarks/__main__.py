@@ -20,6 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from app.anatomy.figure import figure_kind
 from app.command_line.load import shipped_organ
 from benchmarks.bed_step import measure_bed
 from benchmarks.cheats import measure_cheats
@@ -171,8 +172,15 @@ def main() -> None:
     names = ", ".join((*BENCHMARKS, "cheats", "faults"))
     parser.add_argument("parts", nargs="*", metavar="PART", help=names)
     parser.add_argument("--seconds", type=float, default=600.0, help="of cheats, each exercise")
+    parser.add_argument("--figure", type=Path, help="of network: how a step's time grows")
     given = parser.parse_args()
+    if given.figure is not None:
+        try:
+            figure_kind(given.figure)
+        except ValueError as error:
+            parser.error(str(error))
     measured = BENCHMARKS | {
+        "network": partial(measure_network, figure=given.figure),
         "cheats": partial(measure_cheats, seconds=given.seconds),
         "faults": measure_faults,
     }

@@ -13,8 +13,9 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from app.haptics.servo import SPIN_SECONDS, real_time
+from app.haptics.servo import real_time
 from app.haptics.servo_report import TimeHistogram
+from benchmarks.stopwatch import wait_until
 from physics.cubic_kernels import fill_cubic_deflections
 
 SECONDS = 15.0
@@ -48,10 +49,7 @@ def bare_loop(seconds: float) -> dict[str, float]:
     start = due = last = clock()
     count = missed = 0
     while last - start < seconds:
-        while (wait := due - clock()) > SPIN_SECONDS:
-            time.sleep(wait - SPIN_SECONDS)
-        while (now := clock()) < due:
-            pass
+        now = wait_until(due)
         histogram.add(now - last)
         missed += now - last > 1.5 * PERIOD
         calling = clock()

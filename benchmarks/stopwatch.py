@@ -1,7 +1,9 @@
-"""The shortest time of some runs: what else the machine does can only make a run longer."""
+"""The shortest time of some runs, as others can only make it longer; and waiting for a time."""
 
 import time
 from collections.abc import Callable
+
+from app.haptics.servo import SPIN_SECONDS
 
 REPEATS = 9
 
@@ -15,3 +17,12 @@ def microseconds(action: Callable[[], object], count: int, repeats: int = REPEAT
         action()
         times.append(time.perf_counter() - start)
     return 1e6 * min(times) / count
+
+
+def wait_until(due: float) -> float:
+    """Sleep and spin until a time of `perf_counter`, as the servo does, and return the time."""
+    while (wait := due - time.perf_counter()) > SPIN_SECONDS:
+        time.sleep(wait - SPIN_SECONDS)
+    while (now := time.perf_counter()) < due:
+        pass
+    return now
