@@ -220,7 +220,7 @@ STARTS: dict[SceneName, tuple[str, ...]] = {"calot": ("x", "ArrowUp"), "bed": ("
 @pytest.mark.parametrize(
     "scene", ["calot", *(pytest.param(each, marks=pytest.mark.long) for each in ("bed", "free"))]
 )
-def test_axe_finds_nothing_serious_on_any_tab_or_dialog(
+def test_axe_finds_nothing_on_any_tab_or_dialog(
     browser: Browser, trainer: Trainer, scene: SceneName
 ) -> None:
     with trainer_page(browser, trainer.address, first_minute=True) as tab:
@@ -263,9 +263,7 @@ def test_axe_finds_nothing_serious_on_any_tab_or_dialog(
 
 
 @pytest.mark.long  # axe-core reads whole pages
-def test_axe_finds_nothing_serious_in_a_series_of_pictures(
-    browser: Browser, trainer: Trainer
-) -> None:
+def test_axe_finds_nothing_in_a_series_of_pictures(browser: Browser, trainer: Trainer) -> None:
     with trainer_page(browser, trainer.address) as tab:
         page, dialog = tab.page, tab.page.get_by_role("dialog")
         tab.press(SCENES["calot"].label)

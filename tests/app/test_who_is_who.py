@@ -60,7 +60,7 @@ def test_each_round_has_other_pictures_of_all_kinds() -> None:
         rounds.append(series.seeds)
         assert same.seeds == series.seeds
         assert Counter(map(kind_of.get, series.seeds)) == {
-            name: kind.count for name, kind in KINDS.items()
+            name: kind.number for name, kind in KINDS.items()
         }
         series.begin_anew()
         same.begin_anew()

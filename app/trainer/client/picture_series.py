@@ -12,7 +12,7 @@ from app.simulation import Exercise, Outcome
 class Kind(NamedTuple):
     """A kind of picture: how many a round has, and the seeds of anatomies that are drawn for it."""
 
-    count: int
+    number: int
     seeds: tuple[int, ...]
 
 
@@ -28,7 +28,7 @@ KINDS: Mapping[str, Kind] = {
     "open": Kind(1, (2, 5, 8, 23, 26, 44, 62, 71, 74, 83, 92, 95, 116, 131, 134, 146)),
 }
 """Half open and covered pictures are not safe to tell; the others are open, four with a trap."""
-PICTURES = sum(kind.count for kind in KINDS.values())
+PICTURES = sum(kind.number for kind in KINDS.values())
 """Of a round."""
 
 
@@ -49,7 +49,7 @@ class PictureSeries:
         """Draw another round, none of whose pictures the last one had."""
         before = set(self.seeds)
         drawn = [
-            self.random.choice(sorted({*kind.seeds} - before), kind.count, replace=False)
+            self.random.choice(sorted({*kind.seeds} - before), kind.number, replace=False)
             for kind in KINDS.values()
         ]
         self.seeds = self.random.permutation(np.concatenate(drawn)).tolist()

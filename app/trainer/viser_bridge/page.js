@@ -1,13 +1,20 @@
 // The script of the trainer's page, run once: a page that has connected again has it already.
 //
 // It leans on the page as viser 1.1.1 makes it: window.__viserMutable (scene, camera, canvas,
-// sendMessage), class names of its widgets (Mantine 9) and data-dock- attributes of its panels.
+// sendMessage), its element "root", class names of its widgets (Mantine 9) and data-dock- attributes
+// of its panels.
 (css, closerClass, beginClass, letterKeys) => {
 if (window.bluntdissect) return;
 const page = window.bluntdissect = {};
 const viewer = () => window.__viserMutable;
 const later = (ready, run) => ready() ? run() : setTimeout(() => later(ready, run), 50);
 document.title = "Blunt-dissection trainer";
+// Picture and panel are the page's main part, with a heading for who reads by headings.
+const main = document.getElementById("root"), heading = document.createElement("h1");
+heading.className = "bd-unseen";
+heading.textContent = document.title;
+main.setAttribute("role", "main");
+main.prepend(heading);
 const style = document.createElement("style");
 style.textContent = css;
 document.head.append(style);
