@@ -137,6 +137,10 @@ def solve(
     ):
         if value is not None and most < abs(value) < math.inf:
             raise ValueError(f"{name} can be at most {most:g} {unit}, got {value:g} {unit}")
+    if load == "across" and force is not None and force < 0.0:
+        raise ValueError(
+            f"--force must be 0 N or more, as a hook pulls and does not push: {force:g} N"
+        )
     if load not in LOADS:
         raise ValueError(f"--load must be one of {', '.join(LOADS)}, got {load!r}")
     if load == "across" and not (angle is None and pressure is None):

@@ -80,6 +80,7 @@ class PeelScene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             bed = on_axis(layer, "to_mm", self._length(layer.tube)).build(beam)
             if layer.to == "bed":
                 found = bed.strands_under(beam)
+                _check_elements(layer.tube, beam, found)
                 tube = np.full(found.count, list(tubes).index(layer.tube))
                 strands.append(replace(found, tubes=tube))
                 floor[layer.tube] += bed.floor_under(beam)
@@ -249,3 +250,25 @@ def _tables(content: bytes) -> Any:
                 f"every tube that it meets; leave it out - at `$.rod[{number}].tube`"
             )
     return found
+
+
+def _check_elements(name: str, beam: SpaceBeam, strands: Strands) -> None:
+    """Refuse elements that cannot follow how a bed's strands bend the beam."""
+    # A beam on springs bends in waves, half of which is pi (4 E I / k)^(1/4) long (Hetenyi 1946).
+    lengths, low, high = np.diff(beam.stations), 0.0, 0.0
+    if strands.count:
+        low, high = float(strands.stations.min()), float(strands.stations.max())
+    middles = beam.stations[:-1] + 0.5 * lengths
+    held = (middles > low) & (middles < high)
+    if not held.any():
+        return
+    stiffness = float(strands.stiffness.sum()) / (high - low)
+    half_wave = math.pi * (4.0 * beam.stiffness[held, 4] / stiffness) ** 0.25
+    over = lengths[held] / half_wave
+    worst = int(np.argmax(over))
+    if over[worst] > 1.0:
+        raise ValueError(
+            f"elements of the {name} are up to {lengths[held][worst]:.3g} mm long, but on its bed "
+            f"it bends over {half_wave[worst]:.3g} mm: elements must be "
+            f"{math.ceil(lengths.size * over[worst]):,} or more"
+        )

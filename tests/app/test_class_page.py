@@ -291,6 +291,59 @@ def test_a_level_is_shown_failed_tried_again_and_passed_and_the_teacher_sees_it(
     teacher.close()
 
 
+@pytest.mark.long  # two tries at half a millimetre a key
+def test_the_first_level_of_the_course_is_mastered_by_keys_alone(
+    browser: Browser, running: Trainer
+) -> None:
+    """From the name that is typed to the second level; no mouse, and nothing but the page acts."""
+    lesson = lesson_of(running)
+    lesson.choose_course(default_course())
+    token = running.link.partition("token=")[2]
+    with trainer_page(browser, running.address, query=f"&token={token}") as tab:
+        eve, page = Trainee(tab), tab.page
+        field = tab.row("Your name").locator("input")
+        expect(field).to_be_visible()
+        for _ in range(MOST_TABS):
+            page.keyboard.press("Tab")
+            if field.evaluate("input => input === document.activeElement"):
+                break
+        page.keyboard.type("Eve")
+        eve.press_by_keys("Join the class")
+        expect(page.get_by_test_id("class-name")).to_have_text("Eve")
+        levels, state = page.get_by_test_id("class-levels"), page.get_by_test_id("exercise-state")
+        outcome, dialog = page.get_by_test_id("outcome"), page.get_by_role("dialog")
+        for number in range(2):
+            expect(levels).to_contain_text(
+                f"Level 1 of 8: Where the break is. {number} of 2 passed"
+            )
+            eve.press_by_keys("Start the next try")
+            expect(dialog).to_be_hidden()
+            expect(state).to_contain_text("Ready")
+            (view,) = [each.view for each in lesson._all()]
+            session = view.session
+            assert session.run.exercise is not None
+            page.keyboard.press("g")
+            tab.wait_until(lambda session=session: session.reading().held)
+            for step in range(1, 100):
+                page.keyboard.press("ArrowUp")
+                tab.wait_until(
+                    lambda far=0.5 * step, session=session: (
+                        session.reading().deflection > far - 0.05
+                    )
+                )
+                if session.run.standing.startswith("keep it"):
+                    break
+            expect(outcome).to_have_attribute("data-outcome", "Passed")
+        assert [(each.level, each.passed) for each in lesson.store.runs()] == [
+            ("approach", True), ("approach", True)
+        ]  # fmt: skip
+        eve.press_by_keys("Close")
+        expect(levels).to_contain_text("Level 2 of 8: A steady hand. 0 of 2 passed in a row.")
+        (person,) = lesson.store.people()
+        lesson.delete(person.id)
+        lesson.choose_course(None)
+
+
 def test_a_lesson_from_the_first_name_to_the_restart(
     browser: Browser, path: Path, running: Trainer
 ) -> None:

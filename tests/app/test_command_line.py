@@ -285,6 +285,7 @@ def test_help_of_every_command_has_an_example() -> None:
         (("--preset", "thesis-bile-duct", "--force", "nan"), "force must be a finite number of N"),
         (("--preset", "thesis-bile-duct", "--force", "inf"), "force must be a finite number of N"),
         (("--preset", "thesis-bile-duct", "--force", "much"), "--force"),
+        (("--preset", "thesis-bile-duct", "--force", -1), "--force must be 0 N or more"),
         (("--preset", "thesis-bile-duct"), "either --force (N) or --deflection (mm)"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--deflection", 1), "either --force"),
         (("--preset", "thesis-bile-duct", "--force", 1, "--span", 9), "leave out --span"),

@@ -207,6 +207,11 @@ def test_the_end_of_an_arc_is_held_by_its_length_to_some_digits(tmp_path: Path, 
     ("sections", "output"),
     [
         ((BEAM, BED), "needs a [[hand]] or a [[rod]]"),
+        (
+            (BEAM.replace("elements = 60", "elements = 5"), BED, HAND),
+            "up to 12 mm long, but on its bed it bends over 6.63 mm: elements must be 10 or",
+        ),
+        ((BEAM.replace("= 60.0", "= 4000.0"), BED, HAND), "elements must be 544 or more"),
         ((BEAM, BED.replace("0.12", "0.0"), HAND), "toughness of a bed must be above 0"),
         ((BEAM, BED.replace("0.3", "-0.3"), HAND), "stiffness of a bed must be above 0"),
         ((BEAM, BED.replace("45.0", "90.0"), HAND), "0 to 90 mm lies outside the beam"),

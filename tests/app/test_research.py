@@ -282,6 +282,44 @@ def test_statistics_are_those_of_pingouin_and_scikit_learn() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
 
 
+@pytest.mark.long
+@pytest.mark.filterwarnings("ignore")  # theirs, of one another
+def test_statistics_are_those_of_pingouin_and_scikit_learn_in_the_same_run() -> None:
+    """Where they are installed, of data that nobody has chosen."""
+    pingouin = pytest.importorskip("pingouin")
+    metrics = pytest.importorskip("sklearn.metrics")
+    pandas = pytest.importorskip("pandas")
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        novices = rng.poisson(6.0, int(rng.integers(5, 30))).tolist()
+        experts = rng.poisson(2.5, int(rng.integers(5, 30))).tolist()
+        said = [1] * len(novices) + [0] * len(experts)
+        area = float(metrics.roc_auc_score(said, [*novices, *experts]))
+        assert area_under_curve(novices, experts).value == pytest.approx(area, rel=1e-12)
+        theirs = pingouin.compute_effsize(novices, experts, eftype="hedges")
+        assert hedges_g(novices, experts) == pytest.approx(theirs, rel=1e-12)
+        people = int(rng.integers(8, 40))
+        scores = rng.normal(0.0, 2.0, (people, 1)) + rng.normal(0.0, 1.0, (people, 2))
+        table = pandas.DataFrame(
+            [
+                (who, when, score)
+                for who, row in enumerate(scores)
+                for when, score in enumerate(row)
+            ],
+            columns=["who", "when", "score"],
+        )
+        icc = pingouin.intraclass_corr(table, targets="who", raters="when", ratings="score")
+        single = icc[icc["Type"].isin(["ICC2", "ICC(A,1)"])].iloc[0]
+        found = intraclass_correlation(scores)
+        assert found.value == pytest.approx(float(single["ICC"]), rel=1e-9)
+        interval = next(single[name] for name in single.index if str(name).startswith("CI95"))
+        assert [found.low, found.high] == pytest.approx(list(interval), abs=0.0051)  # 2 digits
+        alpha, _ = pingouin.cronbach_alpha(pandas.DataFrame(scores))
+        assert cronbach_alpha(scores) == pytest.approx(float(alpha), rel=1e-9)
+        p = rng.random(5).tolist()
+        assert holm(p) == pytest.approx(list(pingouin.multicomp(p, method="holm")[1]), rel=1e-12)
+
+
 @settings(deadline=None, max_examples=40)
 @given(
     st.lists(st.integers(0, 20), min_size=2, max_size=12),

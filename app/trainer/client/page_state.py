@@ -656,7 +656,9 @@ class PageState:
     def take_or_let_go(self) -> None:
         """Let the active hand take the duct below its tip, or let go of what it holds."""
         holder = self.hands[self.hand]
-        if holder.node is not None or self.beside.leads(self.hand):
+        # In a plane the hook is always at a node, and holds the duct or does not.
+        holds = self.session.reading().held if self.in_plane else holder.node is not None
+        if holds or self.beside.leads(self.hand):
             self.let_go(self.hand)
         elif self.hand < self.device_hands:
             self.device_holds[self.hand] = True

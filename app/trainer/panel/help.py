@@ -31,7 +31,12 @@ _ALL = (
     Key("R", "R", "Reset", "a new, whole duct, and the view home"),
     Key("V", "V", "View home", "the camera back to where it shows the whole duct"),
 )
-_IN_PLANE = (Key("T", "T", "Ramp to tear", "an even pull until the duct tears"),)
+_IN_PLANE = (
+    Key("G", "G", "Take hold or let go", "the hook, in the middle or where it is"),
+    Key("Up", "arrowup", "Lift", "the hook by half a millimetre, with the duct that it holds"),
+    Key("Down", "arrowdown", "Lower", "the hook by half a millimetre"),
+    Key("T", "T", "Ramp to tear", "an even pull until the duct tears"),
+)
 _IN_SPACE = (
     Key("Left", "arrowleft", "Move left", "the active hand's tip along the duct"),
     Key("Right", "arrowright", "Move right", "the active hand's tip along the duct"),
@@ -121,8 +126,8 @@ def _help(session: Session) -> str:
         _BED_COMPUTED if in_bed else _FREE_COMPUTED,
     ]
     arrows = (
-        "- **Arrows** on *Force F*: 1 % of the force at break, with **Shift** 0.1 %; elsewhere "
-        "they turn the view"
+        "- **Arrows** on *Force F*: 1 % of the force at break, with **Shift** 0.1 %; "
+        "**Ctrl+Arrows** turn the view"
         if in_plane
         else "- **Ctrl+Arrows** turn the view; **Arrows** on a slider move it"
     )
