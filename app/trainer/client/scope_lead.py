@@ -177,7 +177,7 @@ class ScopeLead:
         # at the end of the last leg there.
         self._seeks: tuple[Floats, Floats] | None = None
         # For what the ring last moved away from a tip that went there, and how often in a row.
-        self._moved_away = "", 0
+        self._moved_away: tuple[str, int] = "", 0
         # Of each hand, how far its jaws go apart or together, mm, or None.
         self._jaws: list[float | None] = [None] * len(state.hands)
         self._crushes = [False] * len(state.hands)  # whether what closing jaws strain waits
@@ -371,9 +371,10 @@ class ScopeLead:
         if math.dist(ring, asked) > IN_RING_MM:
             self._seeks = None
             words, times = self._moved_away
-            self._moved_away = step.words, times + 1 if words == step.words else 1
+            times = times + 1 if words == step.words else 1
+            self._moved_away = step.words, times
             # It goes with the tissue that the tip pushes.
-            if self._moved_away[1] % RING_MOVES == 0:
+            if times % RING_MOVES == 0:
                 self.asked.note_blocked()
             return
         right, up, into = to_ring
