@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 # Blender's module installs for one version of Python only and wants another numpy than we do.
 BLENDER := .venv-blender
 BLENDER_PYTHON ?= python3.11
+# A learning record store pins other versions of what our server uses.
+RALPH := .venv-ralph
 # What looks at dependencies is none of them.
 AUDIT := .venv-audit
 # What lints the page's JavaScript.
@@ -35,8 +37,8 @@ test test-all coverage: export PYTHONDONTWRITEBYTECODE :=
 test: $(VENV)/.tests $(VENV)/.readers  ## run all tests
 	@$(BIN)/python -m pytest $(WORKERS) $(ARGS)
 
-test-all: $(VENV)/.tests $(VENV)/.readers $(BLENDER)/.bpy  ## run the long tests too (Blender: 370 MB)
-	@BLENDER_PYTHON=$(BLENDER)/bin/python $(BIN)/python -m pytest $(WORKERS) -m "long or not long" $(ARGS)
+test-all: $(VENV)/.tests $(VENV)/.readers $(BLENDER)/.bpy $(RALPH)/.done  ## run the long tests too (Blender: 370 MB)
+	@BLENDER_PYTHON=$(BLENDER)/bin/python RALPH_PYTHON=$(RALPH)/bin/python $(BIN)/python -m pytest $(WORKERS) -m "long or not long" $(ARGS)
 
 coverage: $(VENV)/.coverage  ## run all tests and say which lines and branches they reach
 	@$(BIN)/python -m pytest $(WORKERS) --cov --cov-report=term:skip-covered $(ARGS)
@@ -93,7 +95,7 @@ format: $(VENV)/.tests  ## sort imports and format the code
 	@$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment and everything built
-	rm -rf $(VENV) $(BLENDER) $(AUDIT) build dist site tests/export/node_modules *.egg-info .pytest_cache .coverage .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(BLENDER) $(RALPH) $(AUDIT) build dist site tests/export/node_modules *.egg-info .pytest_cache .coverage .ruff_cache .hypothesis .import_linter_cache
 
 # Debian leaves ensurepip out of python3 unless python3-venv is there: pip then fills the environment.
 $(BIN)/python:
@@ -145,6 +147,14 @@ $(BLENDER)/.bpy: tests/export/blender-requirements.txt
 		     && $(BLENDER_PYTHON) -m pip --quiet --python $(BLENDER)/bin/python install pip; }
 	@$(BLENDER)/bin/python -m pip install --quiet --disable-pip-version-check \
 		-r tests/export/blender-requirements.txt && touch $@
+
+$(RALPH)/.done: tests/ralph-requirements.txt
+	@echo "Installing Ralph, a learning record store, in $(RALPH) ..."
+	@$(PYTHON) -m venv $(RALPH) >/dev/null 2>&1 \
+		|| { $(PYTHON) -m venv --clear --without-pip $(RALPH) \
+		     && $(PYTHON) -m pip --quiet --python $(RALPH)/bin/python install pip; }
+	@$(RALPH)/bin/python -m pip install --quiet --disable-pip-version-check \
+		-r tests/ralph-requirements.txt && touch $@
 
 # A peer that could not be installed is said by the benchmarks, which measure the rest.
 $(VENV)/.peers: pyproject.toml constraints.txt $(VENV)/.tests

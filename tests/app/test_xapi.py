@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from functools import partial
@@ -17,7 +18,7 @@ from string import Formatter
 import msgspec
 import pytest
 from class_runs import record
-from other_programs import statement_faults
+from other_programs import missing, statement_faults
 from program import LONGEST, refused, run
 from record_store import KEY, SECRET, RecordStore
 from simulated import phantom
@@ -334,22 +335,59 @@ def test_a_store_that_does_not_let_in_is_told_and_asked_again_only_later(
 
 
 def test_a_failing_store_and_kills_lose_and_double_nothing(tmp_path: Path) -> None:
-    killed(tmp_path, KILLS)
+    killed_before_a_failing_store(tmp_path, KILLS)
 
 
 @pytest.mark.long
 def test_a_hundred_kills_lose_and_double_nothing(tmp_path: Path) -> None:
-    killed(tmp_path, 100)
+    killed_before_a_failing_store(tmp_path, 100)
 
 
-def killed(folder: Path, kills: int) -> None:
-    """Kill a process that saves and sends, again and again, against a store that fails a fifth."""
-    path, rng = folder / "class.sqlite", random.Random(1)
+@pytest.mark.long
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_hundred_kills_before_ralph_lose_and_double_nothing(tmp_path: Path, version: str) -> None:
+    if (python := os.environ.get("RALPH_PYTHON")) is None:
+        missing("no Python with Ralph: run `make test-all`, or set RALPH_PYTHON to one")
+    server = [python, HERE / "ralph_server.py", tmp_path / "ralph", KEY, SECRET]
+    with subprocess.Popen(server, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            killed(tmp_path, 100, process.stdout.readline().strip(), version)
+        finally:
+            process.terminate()
+    files = sorted((tmp_path / "ralph" / "lrs").iterdir())
+    kept = [json.loads(line) for each in files for line in each.read_text().splitlines()]
+    assert len({each["id"] for each in kept}) == len(kept)
+    with closing(ClassStore(tmp_path / "class.sqlite")) as store:
+        assert len(kept) == 2 * len(store.runs())
+
+
+def killed_before_a_failing_store(folder: Path, kills: int) -> None:
+    """Kill a sender to a store that fails a fifth of the time, before and after it stores."""
     records = RecordStore(folder / "records.sqlite", failing=0.2)
     thread = threading.Thread(target=records.serve_forever)
     thread.start()
+    try:
+        runs = killed(folder, kills, records.url, "1.0.3")
+        kept = records.kept()
+        assert len(kept) == 2 * runs
+        passed = [each["verb"]["id"].endswith("passed") for each in kept.values()]  # type: ignore[index]
+        assert sum(passed) == runs
+        print(f"{kills} kills, {runs} runs, {len(kept)} statements, {records.asked} requests")
+    finally:
+        records.shutdown()
+        records.server_close()
+        thread.join()
+
+
+def killed(folder: Path, kills: int, url: str, version: str) -> int:
+    """Kill a process that saves and sends, again and again; return how many runs were saved.
+
+    The result and the error of each run are sent, once each as far as the class knows.
+    """
+    path, rng = folder / "class.sqlite", random.Random(1)
     store = ClassStore.new(path, "Surgery 3A")
-    connect(store, ClassCourse(store), records.url, "1.0.3", KEY, SECRET)
+    connect(store, ClassCourse(store), url, version, KEY, SECRET)
     acknowledged: set[str] = set()
     root = HERE.parents[1]
     try:
@@ -371,21 +409,9 @@ def killed(folder: Path, kills: int) -> None:
         runs = {each.id for each in store.runs()}
         assert "" not in acknowledged
         assert acknowledged <= runs
-        kept = records.kept()
-        # The result and the error of each run, once each.
-        assert len(kept) == store.statement_counts()[1] == 2 * len(runs)
-        assert store.statement_counts()[2] == 0
-        digests = [
-            each["context"]["extensions"]  # type: ignore[index]
-            for each in kept.values()
-            if each["verb"]["id"].endswith("passed")  # type: ignore[index]
-        ]
-        assert len(digests) == len(runs)
-        print(f"{kills} kills, {len(runs)} runs, {len(kept)} statements, {records.asked} requests")
+        assert store.statement_counts()[1:3] == (2 * len(runs), 0)
+        return len(runs)
     finally:
-        records.shutdown()
-        records.server_close()
-        thread.join()
         store.close()
 
 

@@ -120,7 +120,7 @@
   // Light up one hand's instrument, by the hand's number; null lights none.
   scope.light = hand => {
     scope.lit = hand;
-    scope.picture?.instruments.forEach((shown, i) => shown?.light(i === hand));
+    scope.picture?.instruments.forEach((shown, i) => { shown?.light(i === hand); });
     viewer.redraw();
   };
 })();
