@@ -40,4 +40,4 @@ user = {
 (folder / "auth.json").write_text(json.dumps([user]))
 listening = socket.create_server(("127.0.0.1", 0))
 print(f"http://127.0.0.1:{listening.getsockname()[1]}/xAPI", flush=True)
-uvicorn.Server(uvicorn.Config(app, log_level="error")).run(sockets=[listening])
+uvicorn.Server(uvicorn.Config(app, log_level="critical")).run(sockets=[listening])
