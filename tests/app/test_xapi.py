@@ -296,6 +296,15 @@ def test_an_open_class_takes_what_a_command_sets(store: ClassStore, records: Rec
         lesson.stop()
 
 
+def test_an_open_class_looks_no_further_once_its_file_is_closed(tmp_path: Path) -> None:
+    store = ClassStore.new(tmp_path / "class.sqlite", "Surgery 3A")
+    lesson = Lesson(store, phantom())
+    store.close()
+    until(lambda: not lesson._thread.is_alive())
+    lesson._recorder.stop()
+    lesson.sender.stop()
+
+
 def test_what_a_store_refuses_is_kept_with_its_reason_and_the_rest_is_sent(
     store: ClassStore, records: RecordStore
 ) -> None:

@@ -578,6 +578,9 @@ class Lesson:
             if not self.store.changed_elsewhere():
                 return
             self.course.read_again()
+        except sqlite3.ProgrammingError:  # closed, as where the trainer could not start
+            self._stopping.set()
+            return
         except (sqlite3.Error, ValueError):
             log.warning("what a command has set could not be read", exc_info=True)
             return
