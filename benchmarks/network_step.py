@@ -21,6 +21,7 @@ from app.anatomy.anatomy_file import anatomy_named, shipped_anatomies
 from app.anatomy.anatomy_network import AnatomyNetwork, anatomy_network
 from app.anatomy.figure import figure_kind
 from app.anatomy.tables import Anatomy, LayerTable
+from app.study.report import COLOURS
 from benchmarks.stopwatch import REPEATS, wait_until
 from organ_geometry import write_atomic
 from physics.bed import BeamOnBed
@@ -135,7 +136,7 @@ def draw_growth(figures: dict[str, Any], path: Path) -> None:
                 [each["strands"] for each in found],
                 [each["median_us"] for each in found],
                 "s--" if rods else "o-",
-                color=f"C{tubes - 1}",
+                color=COLOURS[tubes - 1],
                 markersize=4,
                 label=f"{tubes} {'tubes' if tubes > 1 else 'tube'}{', two rods' if rods else ''}",
             )
