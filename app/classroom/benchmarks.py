@@ -98,11 +98,9 @@ def scripted_benchmarks(
         if not runs:
             raise ValueError(f"scripted hands passed level {level.id} on none of its beds")
         for metric in level.benchmarks:
-            made, margin = (
-                scripted_benchmark(level.id, metric, runs),
-                margins.get((level.id, metric)),
-            )
-            found.append(msgspec.structs.replace(made, margin=margin or made.margin))
+            made = scripted_benchmark(level.id, metric, runs)
+            margin = margins.get((level.id, metric), made.margin)
+            found.append(msgspec.structs.replace(made, margin=margin))
     return found, passed
 
 
