@@ -171,20 +171,20 @@ def _growth(console: Console, usual: Anatomy) -> dict[str, Any]:
     }
     # In rounds of all cases, so that a slow while of the machine is not one case's alone.
     lifts: dict[str, list[tuple[Floats, Floats]]] = {key: [] for key in cases}
-    figures: dict[str, Any] = {}
+    built: dict[str, dict[str, float]] = {}
     for _ in range(REPEATS):
         for key, (anatomy, tubes, strands, rods) in cases.items():
             begun = time.thread_time()
             network = anatomy_network(subset_of(anatomy, tubes, strands))
             live = network.on_bed(rods=2)
-            built = time.thread_time() - begun
-            lifts[key].append(step_times(live, rods=rods, paced=False))
-            figures[key] = figures_of(lifts[key]) | {
+            built[key] = {
+                "built_ms": 1e3 * (time.thread_time() - begun),
                 "strands": network.strands.count,
                 "nodes": len(live.places),
                 "blocks": len(live.state.block),
-                "built_ms": 1e3 * built,
             }
+            lifts[key].append(step_times(live, rods=rods, paced=False))
+    figures = {key: figures_of(lifts[key]) | built[key] for key in cases}
     console.print("\nTubes, lifted: processor time of a step of 1/1000 s, us")
     for key, (anatomy, tubes, _, rods) in cases.items():
         found = figures[key]
