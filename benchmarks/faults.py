@@ -39,6 +39,7 @@ from app.simulation import (
     preset_named,
     specimen_in_bed,
 )
+from app.simulation.inputs.inputs import InputKind
 from app.simulation.scripts.exercise_limits import AT_ANATOMY, IN_BED
 from app.simulation.scripts.scripted_hands import Clip, Follow, Spread
 from app.simulation.tissue.spatial_tissue import CLIP_OPENING
@@ -65,19 +66,30 @@ class Hands(Session):
         """Let the hands tremble from now on, by so many mm."""
         self.tremor = tremor
         self._noise, self._rng = np.zeros((2, 3)), np.random.default_rng(seed)
+        self._led: list[Floats | None] = [None, None]
 
     @property
     def duct(self) -> SpatialTissue:
         """The tissue in hand."""
         return self.spatial
 
-    def move_hand(self, hand: int, place: Sequence[float] | Floats) -> None:
-        """Lead a hand to a place, beside which it comes by its tremor."""
-        if self.tremor > 0.0:
-            spread = math.sqrt(1.0 - 0.2**2) * self.tremor
-            self._noise[hand] = 0.2 * self._noise[hand] + self._rng.normal(0.0, 1.0, 3) * spread
-            place = np.asarray(place) + self._noise[hand]
-        super().move_hand(hand, place)
+    def advance(self, ticks: int = 1) -> bool:
+        """Let ticks pass; hands tremble in each, whether they are led on or wait."""
+        changed = False
+        for _ in range(ticks):
+            if self.tremor > 0.0:
+                fresh = self._rng.normal(0.0, math.sqrt(1.0 - 0.2**2) * self.tremor, (2, 3))
+                self._noise = 0.2 * self._noise + fresh
+                for hand, place in enumerate(self._led):
+                    if place is not None:
+                        super()._act(hand, "move", *(place + self._noise[hand]))
+            changed |= super().advance()
+        return changed
+
+    def _act(self, hand: int, kind: InputKind, *values: float) -> Sequence[float] | None:
+        if self.tremor > 0.0 and kind in ("move", "grab", "release", "instrument"):
+            self._led[hand] = np.array(values) if kind == "move" else None
+        return super()._act(hand, kind, *values)
 
 
 def steps(distance: float, speed: float) -> Iterator[float]:
@@ -467,8 +479,9 @@ def divide_at_once(tube: str) -> Make:
 
     def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
         yield from close_on(hands, "scissors", tube, 10.0, speed)
-        hands.cut(1)
-        yield from wait(1.0)
+        for _ in range(round(1.0 / TICK_SECONDS)):  # until a tremor leaves the tube between them
+            hands.cut(1)
+            yield
 
     return make
 
@@ -633,7 +646,7 @@ FAULTS = (
         "named_unsafe",
         at=COVERED,
     ),
-    fault("window", "stir in place", STIR_IN_PLACE, (5.0, 6.0, 7.0), "stirring"),
+    fault("window", "stir in place", STIR_IN_PLACE, (5.0, 6.0, 7.0), "stirring", "ploughing"),
     fault(
         "follow_front",
         "pull far back",
@@ -659,7 +672,7 @@ FAULTS = (
         tear_off("cystic", 10.0, tool="hook"),
         (2.0, 4.0, 8.0),
         "nick",
-        at=(25, 26, 27),
+        at=(26, 31, 44),
         walls="human-ureter",
     ),
 )

@@ -57,8 +57,8 @@ SAME = 1e-6
 # Columns of what a tick shows of a hand: strands that parted, that are being parted and that touch;
 # its force, N, and its work over `PULL_TICKS`, mJ; speeds of the tip over `TIP_TICKS` and over
 # `PULL_TICKS`, and how fast it opens, mm/s; mean press, N; how often it turned back; of a hold the
-# largest force, N, and the highest place, mm; ticks for which it has leaned, and for which the hand
-# has worked out of the picture; its lean, degrees.
+# largest force, N, and the greatest mean height, mm; ticks for which it has leaned, and for which
+# the hand has worked out of the picture; its lean, degrees.
 PARTED, GOING, TOUCHING, SIZE, WORK, TIP_SPEED, PULL_SPEED, OPENS, PRESS, TURNS = range(10)
 MOST, HIGHEST, LEANING, UNSEEN, ANGLE = range(10, 15)
 # Whether a condition holds: an instrument is fast in tissue, its jaws jump, it parts strands that
@@ -66,8 +66,9 @@ MOST, HIGHEST, LEANING, UNSEEN, ANGLE = range(10, 15)
 # has lost its traction, pulls where its place is to be judged, leans, lifts too high; a hand works
 # out of the picture; and what `judge` finds of its pace.
 FAST, JUMPS, ALONE, STABS, PRESSES, PLOUGHS, LOST, PLACE, LEANS, LIFTS, HIDDEN = range(15, 26)
-PACE, PULL, SEEN = 26, 27, 30
-"""Columns of its pace, and of the mean pull of a hold, (3,) N; how many there are."""
+PACE, PULL, HEIGHT, SEEN = 26, 27, 30, 31
+"""Columns of its pace, and of a hold's mean pull, (3,) N, and mean height, mm; how many there
+are."""
 OPENING = 3
 """Column of a hand's track after its place."""
 NO_SCOPE = (0.0,) * LINE_OF_SIGHT
@@ -698,12 +699,10 @@ def _away(a: Floats, b: Floats) -> float:
 
 
 @kernel()
-def _look_at_hold(
-    row: Floats, height: float, dissected: bool, stress: float, limits: _Limits
-) -> None:
-    """Judge a hold at a height, mm, where strands are being parted by the other hand or not."""
+def _look_at_hold(row: Floats, dissected: bool, stress: float, limits: _Limits) -> None:
+    """Judge a hold, where strands are being parted by the other hand or not."""
     size, most = row[SIZE], row[MOST]
-    down = row[HIGHEST] - height
+    down = row[HIGHEST] - row[HEIGHT]
     lost = (
         most > limits.lost_pull and size < limits.lost_fraction * most and down > limits.lost_down
     )
@@ -781,7 +780,10 @@ def _look(
         row[PULL_SPEED] = _away(now, pull) / (PULL_TICKS * TICK_SECONDS)
         row[OPENS] = (now[OPENING] - tip[OPENING]) / (TIP_TICKS * TICK_SECONDS)
         if holds[i]:
-            row[MOST], row[HIGHEST] = max(row[MOST], size), max(row[HIGHEST], now[2])
+            row[MOST], row[HEIGHT] = max(row[MOST], size), 0.0
+            for k in range(SHIFT_TICKS + 1):
+                row[HEIGHT] += track[k, 2] / (SHIFT_TICKS + 1)
+            row[HIGHEST] = max(row[HIGHEST], row[HEIGHT])
             for r in range(3):
                 row[PULL + r] += MEAN_PULL * (forces[3 * i + r] - row[PULL + r])
         if rods[i] == 0:
@@ -823,7 +825,7 @@ def _look(
         # What holds an anatomy's tubes has no one front, a hold may not be what loads a wall, and
         # what is taut is let back while the other hand parts tissue.
         elif not several:
-            _look_at_hold(row, places[i][2], seen[1 - i, GOING] > 0.0, stress, limits)
+            _look_at_hold(row, seen[1 - i, GOING] > 0.0, stress, limits)
             row[PLACE] = row[SIZE] > limits.pull and unplaced[i] and rods[1 - i] == 0
         if scoped:
             acts = row[SIZE] > limits.hidden_pull or row[TOUCHING] > 0.0

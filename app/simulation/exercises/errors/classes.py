@@ -364,8 +364,8 @@ ERROR_CLASSES: Mapping[str, ErrorClass] = {
         ErrorClass(
             "traction_lost", "Traction lost while dissecting", 2,
             "strands yield on an instrument while the other hand has let the duct down by more "
-            "than `down`; its hold has pulled with more than `pull`, and now has less than "
-            "`fraction` of that; not at an anatomy",
+            "than `down`, as a mean over 0.3 s; its hold has pulled with more than `pull`, and now "
+            "has less than `fraction` of that; not at an anatomy",
             "at {t:.1f} s the hold had gone from {most_force_N:.1f} to {force_N:.1f} N while the "
             "other hand dissected",
             "Keep the duct taut.",
