@@ -646,7 +646,7 @@ FAULTS = (
         "named_unsafe",
         at=COVERED,
     ),
-    fault("window", "stir in place", STIR_IN_PLACE, (5.0, 6.0, 7.0), "stirring", "ploughing"),
+    fault("window", "stir in place", STIR_IN_PLACE, (5.0, 6.0, 7.0), "stirring"),
     fault(
         "follow_front",
         "pull far back",

@@ -66,9 +66,8 @@ MOST, HIGHEST, LEANING, UNSEEN, ANGLE = range(10, 15)
 # has lost its traction, pulls where its place is to be judged, leans, lifts too high; a hand works
 # out of the picture; and what `judge` finds of its pace.
 FAST, JUMPS, ALONE, STABS, PRESSES, PLOUGHS, LOST, PLACE, LEANS, LIFTS, HIDDEN = range(15, 26)
-PACE, PULL, HEIGHT, SEEN = 26, 27, 30, 31
-"""Columns of its pace, and of a hold's mean pull, (3,) N, and mean height, mm; how many there
-are."""
+PACE, PULL, SEEN = 26, 27, 30
+"""Columns of its pace, and of the mean pull of a hold, (3,) N; how many there are."""
 OPENING = 3
 """Column of a hand's track after its place."""
 NO_SCOPE = (0.0,) * LINE_OF_SIGHT
@@ -699,10 +698,16 @@ def _away(a: Floats, b: Floats) -> float:
 
 
 @kernel()
-def _look_at_hold(row: Floats, dissected: bool, stress: float, limits: _Limits) -> None:
-    """Judge a hold, where strands are being parted by the other hand or not."""
-    size, most = row[SIZE], row[MOST]
-    down = row[HIGHEST] - row[HEIGHT]
+def _look_at_hold(
+    row: Floats, track: Floats, dissected: bool, stress: float, limits: _Limits
+) -> None:
+    """Judge a hold in a bed, where strands are being parted by the other hand or not."""
+    height = 0.0
+    for k in range(SHIFT_TICKS + 1):  # a mean, as a hand that holds still trembles
+        height += track[k, 2] / (SHIFT_TICKS + 1)
+    size, most = row[SIZE], max(row[MOST], row[SIZE])
+    row[MOST], row[HIGHEST] = most, max(row[HIGHEST], height)
+    down = row[HIGHEST] - height
     lost = (
         most > limits.lost_pull and size < limits.lost_fraction * most and down > limits.lost_down
     )
@@ -780,10 +785,6 @@ def _look(
         row[PULL_SPEED] = _away(now, pull) / (PULL_TICKS * TICK_SECONDS)
         row[OPENS] = (now[OPENING] - tip[OPENING]) / (TIP_TICKS * TICK_SECONDS)
         if holds[i]:
-            row[MOST], row[HEIGHT] = max(row[MOST], size), 0.0
-            for k in range(SHIFT_TICKS + 1):
-                row[HEIGHT] += track[k, 2] / (SHIFT_TICKS + 1)
-            row[HIGHEST] = max(row[HIGHEST], row[HEIGHT])
             for r in range(3):
                 row[PULL + r] += MEAN_PULL * (forces[3 * i + r] - row[PULL + r])
         if rods[i] == 0:
@@ -825,7 +826,7 @@ def _look(
         # What holds an anatomy's tubes has no one front, a hold may not be what loads a wall, and
         # what is taut is let back while the other hand parts tissue.
         elif not several:
-            _look_at_hold(row, seen[1 - i, GOING] > 0.0, stress, limits)
+            _look_at_hold(row, tracks[i], seen[1 - i, GOING] > 0.0, stress, limits)
             row[PLACE] = row[SIZE] > limits.pull and unplaced[i] and rods[1 - i] == 0
         if scoped:
             acts = row[SIZE] > limits.hidden_pull or row[TOUCHING] > 0.0
