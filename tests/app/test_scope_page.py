@@ -28,7 +28,7 @@ from app.simulation import TROCARS, Feedback, Replay, Safety, exercise_at, perfo
 from app.simulation.exercises.critical_view import Part
 from app.simulation.scripts.performance import Script, Step
 from app.trainer.client.replay_playback import ReplayPlayback
-from app.trainer.client.scope_lead import NOTCH_MM
+from app.trainer.client.scope_lead import NOTCH_MM, ONLY_THROUGH_SCOPE
 from app.trainer.panel.scope_panel import GOAL, HOW, TURN
 from app.trainer.scope.drawn_tissue import _roll
 from app.trainer.scope.pose import OBLIQUE, Camera
@@ -450,6 +450,76 @@ def test_a_replay_is_seen_as_it_was_and_one_s_own_scope_stays_as_it_was(
         assert (own.pose, own.scope.angle, own.assisted) == (now, 0.0, False)
         tab.eventually(page.check_pose)
         assert len(session.run_file().log.inputs) == inputs, "nothing of the replay's is logged"
+
+
+FREE = "() => window.bluntdissectScope?.free === true"
+
+
+def test_a_free_camera_looks_from_elsewhere_and_the_scope_stays_as_it_is(
+    calot: Trainer, drawing_browser: Browser
+) -> None:
+    """The run knows nothing of it, and an exercise is seen through the scope only."""
+    with scope_page(drawing_browser, calot) as page:
+        tab, view, keys = page.tab, page.view, page.tab.page.keyboard
+        lead, session = view._lead, view.session
+        assert lead is not None
+        assert session.specimen.anatomy is not None
+        exercise = exercise_at(session.specimen.anatomy, "critical_view")
+        assert exercise is not None
+        session.open_jaws(1, 1.0)  # which begins a run
+        tab.wait_until(lambda: not session.tissue.moving)
+        logged = session.spatial.pose
+        assert logged[6:11] == lead.held.pose.numbers
+        inputs = session.run_file().log.inputs
+        posed, through = page.pose()[:4], page.pixels()
+
+        def is_through_scope() -> None:
+            assert_allclose(tab.camera()[0], page.camera.tip, atol=1e-3)
+            assert not tab.page.evaluate(FREE)
+
+        def corners(picture: np.ndarray) -> np.ndarray:
+            return picture[[5, 5, -5, -5], [5, -5, 5, -5]].max(axis=1)
+
+        is_through_scope()
+        assert corners(through).max() == 0.0  # it is round
+        keys.press("t")
+        tab.page.wait_for_function(FREE)
+        assert_allclose(tab.rest()[0], page.camera.tip, atol=1e-3)
+        free = page.pixels()
+        assert corners(free).min() > 0.0, "it fills the window"
+        box = tab.page.locator("canvas").first.bounding_box()
+        assert box is not None
+        x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+        tab.page.mouse.move(x, y)
+        tab.page.mouse.down()
+        tab.page.mouse.move(x + 120, y + 20, steps=4)
+        tab.page.mouse.up()
+        turned = tab.rest()
+        assert math.dist(turned[0], page.camera.tip) > 20.0
+        assert np.abs(page.pixels() - free).mean() > 10.0
+        assert_allclose(page.pose()[:4], posed, atol=0.0)
+        page.check_pose()
+        assert session.spatial.pose == logged
+        assert session.run_file().log.inputs == inputs
+        keys.press("t")
+        tab.eventually(is_through_scope)
+        assert_allclose(page.pose()[:4], posed, atol=0.0)
+        # The camera's head brightens it step by step.
+        tab.eventually(lambda: assert_allclose(page.pixels(), through, atol=2.0))
+
+        # A replay may be looked at so, and the run of an exercise may not.
+        view.state.start_replay(session.run_file())
+        tab.wait_until(lambda: view.state.playback is not None)
+        keys.press("t")
+        tab.page.wait_for_function(FREE)
+        view.state.leave_replay()
+        view.state.start_exercise(exercise, Feedback.CONTINUOUS)
+        tab.eventually(is_through_scope)
+        keys.press("t")
+        refused = tab.page.get_by_text(ONLY_THROUGH_SCOPE)
+        refused.wait_for(state="attached")
+        is_through_scope()
+        assert not lead.free_camera
 
 
 @pytest.mark.parametrize(

@@ -126,6 +126,10 @@ NOTHING_NEAR = (
 )
 NOT_IN_RING = "Lead the tip into the ring first: To the ring, in the panel, says how far it is."
 NO_RING = "No ring is shown for this hand: an exercise under Learn has one for each of its steps."
+ONLY_THROUGH_SCOPE = (
+    "In an exercise you see what the scope sees: lead it with Y. The free camera is for practice, "
+    "replays and a teacher who watches."
+)
 ENDS = "Jaws do not hold there: a clamp, the other hand or a tear is too near."
 NOT_BETWEEN = (
     "No tube lies between the open jaws with its whole width. Lead their tips on past it, one jaw "
@@ -169,6 +173,8 @@ class ScopeLead:
         self.photographer = Photographer(state)
         """What takes photographs for the record."""
         self.leads_scope = self.by_handle = False
+        self.free_camera = False
+        """Whether the page looks with a camera of its own, and not through the scope."""
         # Of each hand, where its tip is led to, (3,) mm, or None.
         self._goals: list[Floats | None] = [None] * len(state.hands)
         self._pointer: _Pointer | None = None
@@ -484,6 +490,7 @@ class ScopeLead:
         if run is not self._run:  # what was led before goes on in no other
             self._run = run
             self._lead_nothing()
+        self.free_camera = self.free_camera and not state.in_exercise
         if state.playback is not None or state.paused or run.closed:
             return
         if self._aligns:
@@ -851,6 +858,14 @@ class ScopeLead:
         if self._state.playback is None and not self._state.is_closed():
             self.session.wipe_lens()
             self._state.show()
+
+    def switch_camera(self) -> None:
+        """Look with a free camera, or through the scope again; in an exercise only through it."""
+        if self._state.in_exercise:
+            self._state.refuse(ONLY_THROUGH_SCOPE)
+            return
+        self.free_camera = not self.free_camera
+        self._state.show()
 
     def change_scope(self) -> None:
         """Take the other scope, straight or oblique."""

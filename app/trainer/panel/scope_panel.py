@@ -132,6 +132,7 @@ KEYS = (
     Key("F", "F", "Tip or handle", "which end of an instrument is led"),
     Key("N", "N", "Next instrument", "for the hand that is led"),
     Key("Z", "Z", "Other scope", "straight or oblique"),
+    Key("T", "T", "Free camera", "from all sides, or through the scope again; not in an exercise"),
     Key("B", "B", "Wipe the lens", "when blood has jetted at it, or it has touched tissue"),
     Key("J", "J", "Turn left", "the jaws about their shaft, or the scope's cable"),
     Key("L", "L", "Turn right", "the jaws about their shaft, or the scope's cable"),
@@ -139,7 +140,7 @@ KEYS = (
     Key("P", "P", "Pause or go on", "time stands still; not in an exercise"),
     Key("R", "R", "Reset", "all whole again"),
 )
-ALWAYS = ("Z", "V")
+ALWAYS = ("Z", "V", "T")
 """Keys that act while a replay is shown, too."""
 TEXT = """\
 **The mouse.** Press in the picture and the tip goes under the pointer; drag it, or what it holds.
@@ -173,6 +174,11 @@ tears. Where *Distance to break* is written, that is what is left of the 100 %.
 lead it yourself, or drag with the middle button; **Shift** with the wheel turns its cable. **V**
 gives it back. A replay shows what was seen, until you move the scope; **V** goes on with it. Blood
 that jets, and touch, soil its lens; the key **B** wipes it.
+
+**The free camera.** **T** shows the same tissue from all sides, to explain it: drag in the picture
+to turn it, and the wheel comes nearer. The scope stays where it is, and the run keeps what it sees;
+**T** looks through it again. In an exercise there is none; in a replay of one, and for a teacher
+who watches one, there is.
 
 **What is computed.** Each tube is a beam in space, each strand a spring that yields, parts and
 never heals. A wall tears where normal + bending stress is over its strength. Blood and bile flow
@@ -501,6 +507,7 @@ class ScopePanel:
             "F": lambda: self._choose_led_by("tip" if lead.by_handle else "handle"),
             "N": lead.choose_next_instrument,
             "Z": lead.change_scope,
+            "T": lead.switch_camera,
             "B": lead.wipe_lens,
             "J": lambda: self._turn("left"),
             "L": lambda: self._turn("right"),

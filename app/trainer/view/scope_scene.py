@@ -12,8 +12,9 @@ from app.trainer.client.scope_lead import ScopeLead
 from app.trainer.scope.drawn_tissue import draw_tissue, picture_of
 from app.trainer.scope.held_scope import HeldScope
 from app.trainer.scope.picture import ScopePicture
+from app.trainer.scope.surroundings import working_place
 from app.trainer.stage.lighting import Look
-from app.trainer.viser_bridge.page import run_function
+from app.trainer.viser_bridge.page import keep_in_sight, run_function
 from app.trainer.viser_bridge.private_api import page_number
 
 Floats = NDArray[np.float64]
@@ -22,6 +23,9 @@ WARNED_FROM, WARNED_EACH = 0.8, 0.05
 """Of its break, from where on a wall is warned of, and in what steps."""
 SCOPE, POINTS = -1, -2
 """In the place of a hand: the pointer leads the scope, or marks what it points at."""
+
+FREE_MM, FREE_NEAREST_MM = 60.0, 15.0
+"""From the triangle, within which what a free camera turns about stays; and how near it comes."""
 
 _NO_MARKS: tuple[tuple[int, ...], tuple[float, ...] | None] = (), None
 
@@ -47,6 +51,7 @@ class ScopeScene:
         self._leads: tuple[int, tuple[float, float] | None] | None = None
         self._warning = ""
         self._lit: int | None = None  # the hand that is lit, as the page has it
+        self._free = False  # whether the page has its own camera
         # The strands that are to be marked and the ring, as they are and as the page has them.
         self._asked = self._marks = _NO_MARKS
         self._frame = client.scene.add_frame("/scope", show_axes=False)
@@ -81,13 +86,14 @@ class ScopeScene:
         self._asked = self._led.asked.to_part, self._led.asked.ring
         tissue = self._session.spatial
         held = self._held
+        freed = self._free != self._led.free_camera
         before = held.pose, held.oblique
         if self._session is not self._led.session and held.show(tissue.pose):
-            return before != (held.pose, held.oblique)
+            return freed or before != (held.pose, held.oblique)
         tips = [hand.place for hand in tissue.hands]
         moved = [held.advance(tips) for _ in range(ticks)]
         # What is asked for next changes while all stands still, too.
-        return any(moved) or self._marks != self._asked
+        return freed or any(moved) or self._marks != self._asked
 
     def draw(
         self,
@@ -111,6 +117,11 @@ class ScopeScene:
             self._lit = lit
             run_function(self._client.scene, "bluntdissectScope.light", lit)
         led = self._led
+        if led.free_camera != self._free:
+            self._free = led.free_camera
+            if self._free:
+                self._frame_free_camera()
+            run_function(self._client.scene, "bluntdissectScope.setFree", self._free)
         (marked, ring), self._marks = self._marks, self._asked
         if marked != self._marks[0]:
             run_function(self._client.scene, "bluntdissectScope.mark", self._marks[0])
@@ -119,7 +130,8 @@ class ScopeScene:
         cross = led.pointer.cross
         hand = POINTS if cross is not None else SCOPE if led.leads_scope else led.hand
         leads = hand, cross
-        if self._photograph is not None and led.photographer.take_request():
+        through = self._photograph is not None and not self._free  # it is of what the scope sees
+        if through and led.photographer.take_request():
             number = page_number(self._photograph)
             run_function(self._client.scene, "bluntdissectScope.photograph", number)
         if self._pointer is not None and leads != self._leads:
@@ -166,6 +178,20 @@ class ScopeScene:
         """Give the scope back to the assistant, who looks at the triangle."""
         self._held.home()
 
+    def _frame_free_camera(self) -> None:
+        """Let the free camera begin where the scope's is, and turn about what that looks at."""
+        camera, middle = self._held.camera, working_place(self._held.made)
+        back = camera.axes[:, 2]
+        keep_in_sight(
+            self._client,
+            place=camera.tip,
+            target=camera.tip - back * float((camera.tip - middle) @ back),
+            low=middle - FREE_MM,
+            high=middle + FREE_MM,
+            nearest=FREE_NEAREST_MM,
+            lowest=float(middle[2]),
+        )
+
     def remove(self) -> None:
         """Remove everything from the scene."""
         self._clear()
@@ -199,6 +225,7 @@ class ScopeScene:
                 plain=self._look == "plain",
             )
             self._leads, self._warning, self._marks, self._lit = None, "", _NO_MARKS, None
+            self._free = False
         return self._picture
 
     def _clear(self) -> None:

@@ -1,5 +1,5 @@
 // The picture through the scope. All is drawn in the page from the frames of packing.py: this sets
-// viser's camera to the scope's, and draws with shaders of its own in viser's scene.
+// viser's camera to the scope's, or leaves it free, and draws with shaders of its own in viser's scene.
 // `viewer` is `viser_bridge.run_in_page`'s.
 (() => {
   const scope = window.bluntdissectScope;
@@ -316,8 +316,9 @@
       if (sheet.flow(state.wells, suckers, state.pools)) { sheet.fill(); this.field.needsUpdate = true; moving = true; }
       if (given.plain) this.#coarsen(renderer);
       const pose = this.pose = scope.cameraOf(given.pivot, given.base, state.pose);
-      this.#aim(camera, pose);
-      this.#light(renderer, pose);
+      if (!scope.free) this.#place(camera, pose);
+      this.#frame(camera);
+      this.#light(renderer, scope.free ? this.#poseOf(camera) : pose);
       this.#showHands();
       if (!given.plain) {
         const beat = Math.exp(-3 * ((BEAT_HZ * now / 1000) % 1)) - 0.3;
@@ -339,11 +340,25 @@
       setTimeout(() => { renderer.setPixelRatio(COARSE); viewer.redraw(); });
     }
 
-    #aim(camera, { right, up, back, tip }) {
+    #place(camera, { right, up, back, tip }) {
       const m = camera.matrix.clone().set(right[0], up[0], back[0], tip[0], right[1], up[1], back[1], tip[1], right[2], up[2], back[2], tip[2], 0, 0, 0, 1).premultiply(this.group.matrixWorld);
       m.decompose(camera.position, camera.quaternion, camera.scale);
-      // The round picture touches the shorter sides of what a phone's panel leaves of the window.
-      const covered = viewer.covered(), fov = 360 / Math.PI * Math.atan(Math.tan(FIELD / 2) / (ROUND * Math.min(camera.aspect, 1 - covered)));
+    }
+
+    // Where a free camera is, as the scope's pose says it.
+    #poseOf(camera) {
+      const m = this.group.matrixWorld.clone().invert().multiply(camera.matrixWorld).elements;
+      const [right, up, back, tip] = [0, 4, 8, 12].map(k => [m[k], m[k + 1], m[k + 2]]);
+      return { right, up, back, tip };
+    }
+
+    #frame(camera) {
+      // The round picture touches the shorter sides of what a phone's panel leaves of the window; a
+      // free camera's fills the window.
+      const covered = viewer.covered(), side = scope.free ? 1 : ROUND * Math.min(camera.aspect, 1 - covered);
+      const fov = 360 / Math.PI * Math.atan(Math.tan(FIELD / 2) / side);
+      this.frame.style.backgroundSize = scope.free ? "0 0" : "";
+      this.lens.style.display = scope.free ? "none" : "";
       this.high = Math.tan(fov * Math.PI / 360);
       if (Math.abs(camera.fov - fov) > 1e-6 || camera.near !== NEAR || camera.far !== FAR || covered !== this.covered) {
         Object.assign(camera, { fov, near: NEAR, far: FAR });
@@ -358,7 +373,8 @@
     #light(renderer, pose) {
       const { shared, sheet } = this, canvas = renderer.domElement;
       const covered = this.covered * canvas.height;
-      shared.uRound.value = [canvas.width / 2, (canvas.height + covered) / 2, 1.005 * ROUND * Math.min(canvas.width, canvas.height - covered) / 2];
+      const radius = scope.free ? 1e9 : 1.005 * ROUND * Math.min(canvas.width, canvas.height - covered) / 2;
+      shared.uRound.value = [canvas.width / 2, (canvas.height + covered) / 2, radius];
       shared.uEye.value = pose.tip;
       shared.uLamp.value = add(add(pose.tip, pose.up, 6), pose.right, -2);
       shared.uAxis.value = pose.back.map(x => -x);
@@ -484,7 +500,15 @@
     scope.leave();
     scope.picture?.remove();
     scope.picture = scope.lit = null;
+    scope.free = false;
     viewer.hold(false);
+    viewer.redraw();
+  };
+  // Look with viser's own camera, which mouse and fingers turn then, or through the scope again.
+  scope.setFree = free => {
+    scope.letGo();
+    scope.free = free;
+    viewer.hold(!free);
     viewer.redraw();
   };
 })();

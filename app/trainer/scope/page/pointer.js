@@ -47,7 +47,7 @@
   let pinches = false, points = false;  // whether two fingers do, until all are lifted; and whether one marks
   const spread = () => { const [a, b] = [...down.values()]; return Math.hypot(a.x - b.x, a.y - b.y); };
   const press = event => {
-    if (!scope.picture?.pose || event.target !== viewer.canvas()) return;
+    if (!scope.picture?.pose || scope.free || event.target !== viewer.canvas()) return;
     event.stopPropagation();
     if (event.button === 2) { event.preventDefault(); say("act"); return; }
     viewer.canvas().setPointerCapture?.(event.pointerId);
@@ -85,16 +85,16 @@
     // After the last movement, which may still wait: what is held stops where it is.
     if (lead.hand >= 0) setTimeout(() => { if (lead && !down.size) say("stop"); }, LEAST_MS + 1);
   };
-  // Where the button is let go out of sight of the page, in another window, nothing tells of it.
-  const leave = event => {
-    if (event.target !== window) return;
+  scope.letGo = () => {
     if (down.size && lead?.hand >= 0) say("stop");
     down.clear();
     pinches = false;
   };
+  // Where the button is let go out of sight of the page, in another window, nothing tells of it.
+  const leave = event => { if (event.target === window) scope.letGo(); };
   const slide = notches => { slid += notches; saySoon(); };
   const turn = event => {
-    if (!scope.picture || event.target !== viewer.canvas()) return;
+    if (!scope.picture || scope.free || event.target !== viewer.canvas()) return;
     event.preventDefault();
     event.stopPropagation();
     // With Shift some browsers turn it aside. A trackpad's pinch comes as a wheel with Ctrl.
