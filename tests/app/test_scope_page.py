@@ -36,6 +36,7 @@ from app.trainer.server.trainer import Trainer
 from app.trainer.view.page_view import PageView
 from app.trainer.view.scope_scene import ScopeScene
 from assets import SCRIPTS
+from benchmarks.picture_cost import MEASURED
 
 POSE = """() => { const p = window.bluntdissectScope?.picture, q = p?.pose;
     return q && [q.tip, q.right, q.up, q.back, [p.high, p.pivotError, p.drawn]]; }"""
@@ -450,6 +451,29 @@ def test_a_replay_is_seen_as_it_was_and_one_s_own_scope_stays_as_it_was(
         assert (own.pose, own.scope.angle, own.assisted) == (now, 0.0, False)
         tab.eventually(page.check_pose)
         assert len(session.run_file().log.inputs) == inputs, "nothing of the replay's is logged"
+
+
+# What a picture costs, beside the calls and triangles that WebGL was asked to draw for all of them.
+COUNTED = """async () => { const gl = WebGL2RenderingContext.prototype, TRIANGLES = 4;
+    const asked = [0, 0];
+    const count = (name, size, times) => { const draw = gl[name];
+        gl[name] = function (...given) {
+            asked[0]++;
+            if (given[0] === TRIANGLES) asked[1] += given[size] / 3 * (given[times] ?? 1);
+            draw.apply(this, given); }; };
+    count("drawElements", 1); count("drawArrays", 2);
+    count("drawElementsInstanced", 1, 4); count("drawArraysInstanced", 2, 3);
+    return [await (MEASURED)(0), ...asked]; }""".replace("MEASURED", MEASURED)
+
+
+def test_the_cost_of_a_picture_is_what_webgl_is_asked_to_draw(
+    calot: Trainer, drawing_browser: Browser
+) -> None:
+    with scope_page(drawing_browser, calot) as shown:
+        cost, calls, triangles = shown.tab.page.evaluate(COUNTED)
+        assert cost["pictures"] >= 6
+        assert calls == cost["pictures"] * cost["calls"]
+        assert triangles == cost["pictures"] * cost["triangles"]
 
 
 FREE = "() => window.bluntdissectScope?.free === true"
