@@ -716,9 +716,9 @@ LIT = """() => [bluntdissectScope.lit ?? null, bluntdissectScope.picture.meshes.
 
 
 def test_the_hand_that_made_an_error_is_lit_when_its_moment_is_played(
-    calot: Trainer, browser: Browser
+    calot: Trainer, drawing_browser: Browser
 ) -> None:
-    with scope_page(browser, calot, height=800) as shown:
+    with scope_page(drawing_browser, calot, height=800) as shown:
         tab, view, page = shown.tab, shown.view, shown.tab.page
         stop_time(tab, calot, view)
         performed(read_script(SCRIPTS / "hasty.toml"), view.session)
@@ -739,6 +739,13 @@ def test_the_hand_that_made_an_error_is_lit_when_its_moment_is_played(
         tab.wait_until(lambda: page.evaluate(LIT) == [None, 0])
         playback.seek(error.start_s)
         tab.wait_until(lambda: page.evaluate(LIT) == [error.hand, pieces])
+        # It is far brighter than it else is, in the plain look too, and the other hand is not.
+        lit = shown.pixels()
+        page.evaluate("() => bluntdissectScope.light(null)")
+        brighter = (lit - shown.pixels()).mean(axis=2)
+        assert (brighter > 60.0).mean() > 0.01
+        others = np.array_split(brighter, 3, axis=1)[(error.hand or 0) - 1]
+        assert np.abs(others).max() < 10.0
         view.state.leave_replay()
         tab.wait_until(lambda: page.evaluate(LIT) == [None, 0])
 
