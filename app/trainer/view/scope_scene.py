@@ -130,8 +130,8 @@ class ScopeScene:
         cross = led.pointer.cross
         hand = POINTS if cross is not None else SCOPE if led.leads_scope else led.hand
         leads = hand, cross
-        through = self._photograph is not None and not self._free  # it is of what the scope sees
-        if through and led.photographer.take_request():
+        # It is of what the scope sees.
+        if self._photograph is not None and not self._free and led.photographer.take_request():
             number = page_number(self._photograph)
             run_function(self._client.scene, "bluntdissectScope.photograph", number)
         if self._pointer is not None and leads != self._leads:
