@@ -1,5 +1,6 @@
 """The scene of a dissection: strands, stubs, instruments and colours are those of the physics."""
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from queue import Queue
@@ -18,7 +19,9 @@ from simulated import bed_exercises, bed_session, phantom
 from app.simulation import Exercise, FreeLength, Instrument, Opening, Session, preset_named
 from app.trainer.scene.goal_band import GoalStretch
 from app.trainer.scene.tissue_scene import TissueScene
+from app.trainer.scope.picture import PAGE
 from app.trainer.stage.strands import NUMBERS, PARTED, ROD_NUMBERS
+from app.trainer.viser_bridge.page import file_text
 from physics.bed import kernels
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -278,6 +281,9 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
     lift(session, 7.0)
     with strands_in_page(browser, session) as page:
         middles = drawn_middles(page, session.reading().strands)
+        colours = page.evaluate(
+            "() => Array.from(window.bluntdissectStrands.drawn.get('/bed/strands').ribbons.color)"
+        )
         # In their first picture, too, films are where the threads are: the page may rest after it.
         moved, together = page.evaluate(
             """() => {
@@ -293,6 +299,17 @@ def test_a_page_draws_every_strand_whole_or_as_two_stubs(browser: Browser) -> No
         )
         assert moved
         assert together
+    # They have the colours that threads have through the scope: between its slack and its taut one.
+    slack, taut = np.array(
+        re.findall(r"vec3\(([\d.]+), ([\d.]+), ([\d.]+)\)", file_text(PAGE / "thread.frag.glsl"))[
+            :2
+        ],
+        dtype=np.float64,
+    )
+    shares = (np.array(colours).reshape(-1, 4)[:, :3] - slack) / (taut - slack)
+    np.testing.assert_allclose(shares, shares[:, :1].repeat(3, axis=1), atol=1e-6)
+    assert shares.min() == pytest.approx(0.0, abs=1e-6)
+    assert 0.5 < shares.max() <= 1.0 + 1e-6
     state = session.spatial.beam.state
     ends = session.spatial.beam.strand_ends()[session.spatial.beam.order]
     feet = state.strand[kernels.FOOT_X : kernels.FOOT_Z + 1].T

@@ -337,8 +337,8 @@
     ribbon(r, line, wide, taut, f) {
       const { position, normal, color } = this.ribbons, { eye } = this, half = POINTS / 2;
       const whole = taut !== PARTED, pull = whole ? clamp(taut, 0, 1) : 0;
-      // Light of tissue: rosy and dull where slack, white and opaque where taut.
-      const red = 0.66 + 0.42 * pull, green = 0.37 + 0.65 * pull, blue = 0.29 + 0.67 * pull;
+      // As through the scope (thread.frag.glsl): rosy where slack, pale and opaque where taut.
+      const red = 0.60 + 0.24 * pull, green = 0.30 + 0.36 * pull, blue = 0.20 + 0.36 * pull;
       const alpha = (f ? 0.75 : 1) * (whole ? 0.5 + 0.5 * pull : 0.85);
       for (let k = 0; k < POINTS; k++) {
         const k0 = !whole && k === half ? k : Math.max(k - 1, 0);
@@ -408,7 +408,7 @@
             normal[p + 1] = side * 0.8;
             normal[p + 2] = 0.55;
             const q = p / 3 * 4;
-            color[q] = 0.68 + 0.37 * pull; color[q + 1] = 0.39 + 0.56 * pull; color[q + 2] = 0.31 + 0.59 * pull;
+            color[q] = 0.62 + 0.18 * pull; color[q + 1] = 0.32 + 0.30 * pull; color[q + 2] = 0.20 + 0.33 * pull;
             const gone = !wi && !wj && (r === ROWS >> 1 || r + 1 === ROWS >> 1);
             color[q + 3] = gone ? 0 : (0.3 + 0.16 * pull + 0.1 * Math.abs(dice(i, 93)))
               * (wi || wj ? 1 : 0.8) * (1 - 0.85 * t ** 3);  // it runs out into the bed
