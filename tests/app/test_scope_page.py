@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -341,9 +342,15 @@ def test_a_wheel_goes_by_notches_a_trackpad_by_its_fingers_and_a_stick_stops(
 
             tab.eventually(led)
             assert heard("scope") == []
-        for given, cable in (({"deltaY": 100.0}, 0.12), ({"deltaX": -100.0}, -0.12)):
-            tab.page.evaluate(TURNS, wheel_turns(7e6, 1, 0.0, shiftKey=True, **given))
-            tab.eventually(lambda c=cable: assert_allclose(heard("scope"), [[0.0, 0.0, 0.0, c]]))
+        for given, cable, head in (
+            ({"deltaY": 100.0, "shiftKey": True}, 0.12, 0.0),
+            ({"deltaX": -100.0, "shiftKey": True}, -0.12, 0.0),
+            ({"deltaY": 100.0, "altKey": True}, 0.0, 0.12),
+            ({"deltaY": -100.0, "altKey": True}, 0.0, -0.12),
+        ):
+            tab.page.evaluate(TURNS, wheel_turns(7e6, 1, 0.0, **given))
+            moved = [[0.0, 0.0, 0.0, cable, head]]
+            tab.eventually(lambda moved=moved: assert_allclose(heard("scope"), moved))
             assert heard("wheel") == []
         # A gamepad's stick says once that it has come back to rest.
         tab.page.evaluate(GAMEPAD, [1.0, []])
@@ -353,7 +360,51 @@ def test_a_wheel_goes_by_notches_a_trackpad_by_its_fingers_and_a_stick_stops(
         tab.page.evaluate(GAMEPAD, [0.0, [1]])
         tab.wait_until(lambda: heard("hand"))
         assert len(heard("rest")) == 1
+        # Its cross rolls the camera's head for as long as it is pressed.
+        for button, side in ((15, 1.0), (14, -1.0)):
+            tab.page.evaluate("() => { window.heard.length = 0; }")
+            tab.page.evaluate(GAMEPAD, [0.0, [button]])
+            tab.wait_until(lambda: len(heard("scope")) > 2)
+            tab.page.evaluate(GAMEPAD, [0.0, []])
+            for *others, head in heard("scope"):
+                assert others == [0.0] * 4
+                assert side * head > 0.0
         tab.page.evaluate("() => { navigator.getGamepads = () => []; }")
+
+
+def test_the_camera_s_head_is_rolled_by_keys_and_a_replay_has_the_horizon(
+    calot: Trainer, browser: Browser
+) -> None:
+    """By a trainee who leads a hand; what the middle shows stays there, turned by as much."""
+    with scope_page(browser, calot) as page:
+        tab, view = page.tab, page.view
+        lead, session = view._lead, view.session
+        assert lead is not None
+        session.open_jaws(1, 1.0)  # which begins a run
+        before, pose, turned = page.camera, lead.held.pose, 0
+        for key, times in (("Shift+L", 3), ("Shift+J", 5)):
+            turned += times if key == "Shift+L" else -times
+            for _ in range(times):
+                tab.page.keyboard.press(key)
+            angle = turned * TURN
+            tab.wait_until(lambda angle=angle: abs(lead.held.pose.head - angle) < 1e-9)
+            tab.eventually(page.check_pose)
+            now = page.camera
+            assert now.tip == pytest.approx(before.tip, abs=1e-12)
+            right, up = (before.axes.T @ now.axes)[:2, :2].T
+            # A head that turns clockwise has its up towards the right.
+            assert up == pytest.approx([math.sin(angle), math.cos(angle)])
+            assert right == pytest.approx([math.cos(angle), -math.sin(angle)])
+        assert lead.held.pose == replace(pose, head=lead.held.pose.head)
+        assert not lead.held.assisted
+        assert not lead.leads_scope
+        tab.wait_until(lambda: session.spatial.pose[6:11] == lead.held.pose.numbers)
+        run = session.run_file()
+        assert 0.0 < run.metrics["horizon_deg"] <= math.degrees(3 * TURN)
+        again = Replay(run.log, session.spatial.dissection.organ)
+        again.seek_tick(run.log.ticks)
+        assert again.session.spatial.pose == session.spatial.pose
+        assert run.agrees_with(again.run_file())
 
 
 def test_two_fingers_take_back_what_the_first_began_and_lead_in_depth(

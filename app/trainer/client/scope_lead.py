@@ -847,10 +847,15 @@ class ScopeLead:
         self.session.spread(hand, np.round(direction, DIRECTION_DIGITS).tolist())
 
     def move_scope(
-        self, pan: float = 0.0, tilt: float = 0.0, depth: float = 0.0, cable: float = 0.0
+        self,
+        pan: float = 0.0,
+        tilt: float = 0.0,
+        depth: float = 0.0,
+        cable: float = 0.0,
+        head: float = 0.0,
     ) -> None:
         """Move the scope oneself, rad and mm."""
-        self.held.move(pan, tilt, depth, cable)
+        self.held.move(pan, tilt, depth, cable, head)
         self._state.show()
 
     def wipe_lens(self) -> None:

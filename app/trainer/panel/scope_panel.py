@@ -72,6 +72,10 @@ TURNS: Mapping[Turn, tuple[str, str]] = {
     "left": ("Left", "Turn jaws, a bent tip or the scope's cable left (J)"),
     "right": ("Right", "Turn jaws, a bent tip or the scope's cable right (L)"),
 }
+ROLLS: Mapping[Turn, tuple[str, str]] = {
+    "left": ("Left", "Turn the scope's camera head left (Shift+J)"),
+    "right": ("Right", "Turn the scope's camera head right (Shift+L)"),
+}
 ScopeChoice = Literal["straight", "oblique"]
 SCOPES: dict[ScopeChoice, tuple[str, str]] = {
     "straight": ("0°", "A scope that looks straight ahead (Z)"),
@@ -82,7 +86,7 @@ MOST_SEED = 10**6
 STEP = 0.5
 """mm that a key moves a tip by: towards a ring several times as far."""
 TURN = 0.15
-"""rad that a key turns jaws or cable by."""
+"""rad that a key turns jaws, the scope's cable or its camera's head by."""
 TO_RING = "To the ring (I)"
 COMING, OUT_FIRST = "on its way", "out of the tissue first (wheel back)"
 LEAST_MM, FAR_OUT_MM, DRAWS_ASIDE_MM = 0.75, 6.0, 6.0
@@ -95,8 +99,8 @@ ASSISTED = "The assistant holds the scope."
 ASSISTED_STILL = "The assistant holds it until you move it."
 YOU_HOLD = "You hold the scope. V gives it back."
 HOW_SCOPE = (
-    "Drag in the picture to look aside; the wheel takes it in and out; J and L turn its cable. "
-    "Y leads the hand again."
+    "Drag in the picture to look aside; the wheel takes it in and out. J and L turn its cable, "
+    "with Shift its camera's head and so the horizon. Y leads the hand again."
 )
 HOW_PX = 84
 """Height of four lines, pixels."""
@@ -136,6 +140,8 @@ KEYS = (
     Key("B", "B", "Wipe the lens", "when blood has jetted at it, or it has touched tissue"),
     Key("J", "J", "Turn left", "the jaws about their shaft, or the scope's cable"),
     Key("L", "L", "Turn right", "the jaws about their shaft, or the scope's cable"),
+    Key("Shift+J", "J", "Roll left", "the scope's camera head, and so the horizon", "shift"),
+    Key("Shift+L", "L", "Roll right", "the scope's camera head, and so the horizon", "shift"),
     Key("V", "V", "Assistant", "gives the scope back to the assistant, who shows the triangle"),
     Key("P", "P", "Pause or go on", "time stands still; not in an exercise"),
     Key("R", "R", "Reset", "all whole again"),
@@ -153,8 +159,8 @@ way.
 
 **A gamepad.** The left stick moves the tip in the picture, the right one takes it in and out and
 turns the jaws. **A** uses the instrument, **B** goes on to the other hand, **X** to the next
-instrument and **Y** to the scope, **up** on the cross leads into the ring; the shoulder buttons
-close and open the jaws.
+instrument and **Y** to the scope, **up** on the cross leads into the ring, **left** and **right**
+on it roll the scope's camera head; the shoulder buttons close and open the jaws.
 
 {INSTRUMENTS}
 
@@ -171,9 +177,11 @@ on, 2 from {TWO_POINTS} %. After a tear none counts.
 tears. Where *Distance to break* is written, that is what is left of the 100 %.
 
 **The scope.** An assistant holds it and keeps both tips in view. Choose *Scope*, or **Y**, to
-lead it yourself, or drag with the middle button; **Shift** with the wheel turns its cable. **V**
-gives it back. A replay shows what was seen, until you move the scope; **V** goes on with it. Blood
-that jets, and touch, soil its lens; the key **B** wipes it.
+lead it yourself, or drag with the middle button. The cable and the camera's head turn apart: the
+cable, by **J** and **L** or **Shift** with the wheel, where an oblique scope looks; the head, by
+**Shift+J** and **Shift+L** or **Alt** with the wheel, the horizon. **V** gives it back. A replay
+shows what was seen, until you move the scope; **V** goes on with it. Blood that jets, and touch,
+soil its lens; the key **B** wipes it.
 
 **The free camera.** **T** shows the same tissue from all sides, to explain it: drag in the picture
 to turn it, and the wheel comes nearer. The scope stays where it is, and the run keeps what it sees;
@@ -252,6 +260,7 @@ class ScopePanel:
                                     hint="For the record: the front, then the back")  # fmt: skip
         on_click(photograph, lead.photographer.ask)
         self._scope = Choice(gui, "Scope", SCOPES, lambda _: lead.change_scope())
+        Choice(gui, "Head", ROLLS, self._roll).show("")
         self._wipe = gui.add_button("Wipe the lens", hint="Of blood and tissue (B)")
         on_click(self._wipe, lead.wipe_lens)
         self._held = gui.add_html("")
@@ -437,6 +446,9 @@ class ScopePanel:
     def _turn(self, side: Turn) -> None:
         self._lead.turn(-TURN if side == "left" else TURN)
 
+    def _roll(self, side: Turn) -> None:
+        self._lead.move_scope(head=-TURN if side == "left" else TURN)
+
     def _add_hand(self, hand: int, name: str) -> viser.GuiDropdownHandle[Instrument]:
         state = self._state
         chosen = self._gui.add_dropdown(
@@ -511,6 +523,8 @@ class ScopePanel:
             "B": lead.wipe_lens,
             "J": lambda: self._turn("left"),
             "L": lambda: self._turn("right"),
+            "Shift+J": lambda: self._roll("left"),
+            "Shift+L": lambda: self._roll("right"),
             "P": lambda: state.set_paused(not state.paused),
             "R": state.reset,
             "V": state.bring_home,

@@ -53,11 +53,16 @@ class HeldScope:
         self.home()
 
     def move(
-        self, pan: float = 0.0, tilt: float = 0.0, depth: float = 0.0, cable: float = 0.0
+        self,
+        pan: float = 0.0,
+        tilt: float = 0.0,
+        depth: float = 0.0,
+        cable: float = 0.0,
+        head: float = 0.0,
     ) -> None:
         """Move the scope oneself; the assistant has let go of it from then on."""
         self.assisted = False
-        self.pose = self.pose.moved(pan, tilt, depth, cable)
+        self.pose = self.pose.moved(pan, tilt, depth, cable, head)
 
     def advance(self, tips: Sequence[Floats]) -> bool:
         """Let the assistant follow tips for a tick; return whether the scope has moved."""

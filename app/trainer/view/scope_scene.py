@@ -207,7 +207,7 @@ class ScopeScene:
             "turn": (1, led.turn), "open": (1, led.open_more), "act": (0, led.use_instrument),
             "hand": (0, led.choose_next), "view": (0, led.choose_scope),
             "instrument": (0, led.choose_next_instrument), "ring": (0, led.seek_ring),
-            "scope": (4, led.move_scope),
+            "scope": (5, led.move_scope),
             "point": (3, lambda *place: led.pointer.mark(np.array(place))),
         }  # fmt: skip
         count, act = acts.get(kind, (-1, None))

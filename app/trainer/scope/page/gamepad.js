@@ -1,6 +1,6 @@
 // A gamepad with the standard layout at the scope's picture: the left stick moves the tip, or the
-// scope, in the picture, the right one into it and turns it; buttons do what keys do. It speaks to
-// the server as the pointer does.
+// scope, in the picture, the right one into it and turns it; the cross rolls the camera's head, and
+// buttons do what keys do. It speaks to the server as the pointer does.
 (() => {
   const scope = window.bluntdissectScope;
   if (scope.gamepad) return;
@@ -21,6 +21,8 @@
     if (turn) scope.say(`turn ${scope.fixed([RAD_S * EVERY_MS / 1000 * turn])}`);
     const now = pad.buttons.map(each => each.pressed);
     for (const [button, word] of Object.entries(PRESSED)) if (now[button] && !held[button]) scope.say(word);
+    const rolls = (now[15] ? 1 : 0) - (now[14] ? 1 : 0);
+    if (rolls) scope.say(`scope ${scope.fixed([0, 0, 0, 0, rolls * RAD_S * EVERY_MS / 1000])}`);
     const opens = (now[5] ? 1 : 0) - (now[4] ? 1 : 0);
     if (opens) scope.say(`open ${scope.fixed([opens * OPENS_MM_S * EVERY_MS / 1000])}`);
     held = now;

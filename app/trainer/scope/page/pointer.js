@@ -10,13 +10,13 @@
   const WHOLE = 0.75;        // of a notch, from which on an event is one of a wheel, not of a trackpad
   const QUICK_MS = 120, QUICK = 3;     // notches that follow in less time go so many times as far
   const SPREAD = 150;        // dots that fingers on a trackpad are taken to be apart: it does not say
-  const CABLE = 0.12;        // rad of the scope's cable, a notch
+  const TURNS = 0.12;        // rad of the scope's cable, or of its camera's head, a notch
   const TOGETHER_MS = 300;   // within which a second finger makes a pinch of what the first began
   const POINTS = -2;         // in the place of a hand: the pointer marks what it points at
   const LOOK = 0.0022;       // rad of pan and tilt, a dot
   let lead = null;           // the widget's number, and what the pointer leads: a hand, or the scope
   let number = 0, sentAt = 0;
-  let dragged = null, slid = 0, turned = 0, waits = false;  // not yet sent: where a pointer is now, and notches
+  let dragged = null, slid = 0, turned = 0, rolled = 0, waits = false;  // not yet sent: where a pointer is now, and notches
   let notchAt = -Infinity, fine = false;  // ms, of the last turn of the wheel, and whether that is a trackpad's
   const say = scope.say = words => { if (lead && scope.picture?.pose) viewer.send(lead.uuid, `${++number} ${words}`); };
   const fixed = scope.fixed = values => values.map(x => x.toFixed(3)).join(" ");
@@ -34,10 +34,10 @@
     if (waits) return;
     waits = true;
     setTimeout(() => {
-      const drag = dragged, notches = slid, cable = CABLE * turned;
-      waits = false; dragged = null; slid = turned = 0; sentAt = performance.now();
+      const drag = dragged, notches = slid, cable = TURNS * turned, head = TURNS * rolled;
+      waits = false; dragged = null; slid = turned = rolled = 0; sentAt = performance.now();
       if (notches) say(`wheel ${fixed([notches])}`);
-      if (cable) say(`scope ${fixed([0, 0, 0, cable])}`);
+      if (cable || head) say(`scope ${fixed([0, 0, 0, cable, head])}`);
       if (drag && scope.picture?.pose) say(`drag ${rayOf(drag)}`);
     }, Math.max(0, sentAt + LEAST_MS - performance.now()));
   };
@@ -73,7 +73,7 @@
       slide(PINCH * (now - apart));
       apart = now;
     } else if (pinches || points) return;  // a finger that is left, and what is to be marked, move nothing
-    else if (lead.hand < 0 || event.buttons === 4) say(`scope ${fixed([-LOOK * across, -LOOK * up, 0, 0])}`);
+    else if (lead.hand < 0 || event.buttons === 4) say(`scope ${fixed([-LOOK * across, -LOOK * up, 0, 0, 0])}`);
     else { dragged = event; saySoon(); }
   };
   const lift = event => {
@@ -104,6 +104,7 @@
     notchAt = event.timeStamp;
     const whole = fine ? notches : Math.round(notches);
     if (event.shiftKey) { turned += whole; saySoon(); }
+    else if (event.altKey) { rolled += whole; saySoon(); }
     else slide(-whole * (!fine ? (follows ? QUICK : 1) : event.ctrlKey ? PINCH * SPREAD : 1));
   };
   const nothing = event => { if (event.target === viewer.canvas()) event.preventDefault(); };
