@@ -54,10 +54,9 @@ class Replay:
     ) -> None:
         self.log = log
         self._session = Session.of_log(log, organ, vertices)
-        self._at = self._next = 0
         self._tore = tore
         self._ended: tuple[RunFile, list[Incident]] | None = None
-        self._session.restart(log)
+        self._restart()
 
     @property
     def session(self) -> Session:
@@ -90,8 +89,7 @@ class Replay:
         """Go to a tick."""
         last = self.log.ticks
         if tick < self._at:
-            self._session.restart(self.log)
-            self._at = self._next = 0
+            self._restart()
         while self._at < min(tick, last):
             self._take_inputs()
             due = min(tick, last, self._next_tick())
@@ -128,6 +126,12 @@ class Replay:
                 rows.append((tick * TICK_SECONDS, *self._session.tissue.row()))
                 look(tick)
         return Series(("time_s", *self._session.tissue.columns), rows)
+
+    def _restart(self) -> None:
+        """Begin again, with what was in hand and seen at the run's first moment."""
+        self._session.restart(self.log)
+        self._at = self._next = 0
+        self._take_inputs()
 
     def _end(self) -> tuple[RunFile, list[Incident]]:
         if self._ended is None:

@@ -49,7 +49,10 @@ def test_a_film_begins_with_the_covered_triangle_and_ends_in_blood(
 
 
 def test_a_film_of_an_oblique_scope_looks_aside(tmp_path: Path) -> None:
-    """The gallbladder is where the pose's algebra has it; a straight scope sees the liver there."""
+    """The gallbladder is where the pose's algebra has it; a straight scope sees the liver there.
+
+    So it is from the first picture on: a run begins with the view as it is held.
+    """
     chromium()
     anatomy = anatomy_named("normal")
     session = Session(Specimen.of_anatomy(anatomy), vertices=FEW)
@@ -64,14 +67,15 @@ def test_a_film_of_an_oblique_scope_looks_aside(tmp_path: Path) -> None:
     done = run_process("replay", kept, "-o", film, "--frames", 2)
     assert done.returncode == 0, done.stderr
     read = cv2.VideoCapture(str(film))
-    (_, _), (there, last) = read.read(), read.read()
-    assert there
-    picture = last[..., ::-1].astype(float)
     place = session.spatial.beam.places_at(np.array([20.0]), "gallbladder")[0]
     camera = held.camera
     right, up, back = camera.axes.T @ (place + 8.0 * camera.axes[:, 2] - camera.tip)
-    dots = ROUND * len(picture) / (-back * math.tan(0.5 * FIELD_OF_VIEW))
-    x, y = round(0.5 * len(picture) + dots * right), round(0.5 * len(picture) - dots * up)
-    red, green, _ = picture[y - 2 : y + 3, x - 2 : x + 3].mean(axis=(0, 1))
-    assert green > 60.0
-    assert red < 1.1 * green, "the liver's is twice as red"
+    for _ in range(2):
+        there, found = read.read()
+        assert there
+        picture = found[..., ::-1].astype(float)
+        dots = ROUND * len(picture) / (-back * math.tan(0.5 * FIELD_OF_VIEW))
+        x, y = round(0.5 * len(picture) + dots * right), round(0.5 * len(picture) - dots * up)
+        red, green, _ = picture[y - 2 : y + 3, x - 2 : x + 3].mean(axis=(0, 1))
+        assert green > 60.0
+        assert red < 1.1 * green, "the liver's is twice as red"
