@@ -116,7 +116,7 @@ from app.trainer.client.scope_lead import (
 )
 from app.trainer.client.structure_pointer import StructurePointer
 from app.trainer.client.workers import Workers
-from app.trainer.panel.scope_panel import _moves
+from app.trainer.panel.scope_panel import KEYS, _moves
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
 from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Frame, Packing, Well
@@ -1749,6 +1749,15 @@ def test_the_scope_has_measures_of_its_own() -> None:
     )
     kept = read_run(run_json(session.run_file()))
     assert kept.agrees_with(Replay(kept.log, session.spatial.dissection.organ).run_file())
+
+
+def test_no_key_does_two_things_where_a_haptic_device_has_a_hook(lead: ScopeLead) -> None:
+    lead._state.give_hook("a device")
+    gui = cast(MagicMock, lead._state.client.gui)
+    given = [(call.kwargs["hotkey"], None) for call in gui.add_command.call_args_list]
+    assert given
+    keys = given + [(key.hotkey, key.modifier) for key in KEYS]
+    assert sorted(set(keys), key=str) == sorted(keys, key=str)
 
 
 @pytest.mark.parametrize(

@@ -288,7 +288,7 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.page.evaluate(GAMEPAD, [0.0, [1]])  # which goes on to the right hand
         tab.wait_until(lambda: view.state.hand == 1)
         # Led by its handle, a tip goes the other way than the mouse.
-        for key, name in (("x", "Left hand"), ("f", "Handle")):
+        for key, name in (("x", "Left hand"), ("t", "Handle")):
             tab.page.keyboard.press(key)
             # The page's pointer knows it before the panel shows it.
             chosen = tab.page.get_by_role("button", name=name, exact=True)

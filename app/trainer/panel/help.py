@@ -10,7 +10,7 @@ from app.trainer.panel.dialog import dialog
 from app.trainer.viser_bridge.page import begin_html, letter_keys_on, set_letter_keys
 
 Hotkey = Literal[
-    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L", "F", "B", "K", "U", "Y", "I",
+    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L", "B", "K", "U", "Y", "I",
     "arrowup", "arrowdown", "arrowleft", "arrowright",
 ]  # fmt: skip
 
@@ -112,6 +112,9 @@ _FREE_COMPUTED = f"""\
 """
 
 
+DEVICE_KEY = "- **F** Device's force off or on: while a haptic device leads a hand"
+
+
 def keys_of(session: Session) -> tuple[Key, ...]:
     """Return the keys for what is in hand."""
     return (*(_IN_SPACE if session.specimen.theory is None else _IN_PLANE), *_ALL)
@@ -136,7 +139,7 @@ def _help(session: Session) -> str:
     return (
         f"{about}\n**Words** with dots under them, and measures with a question mark, explain "
         "themselves: rest the\nmouse on them, or click.\n\n**Keys**\n\n"
-        f"{listed}\n- **M** The next scene: in the order of the panel\n{arrows}\n"
+        f"{listed}\n- **M** The next scene: in the order of the panel\n{DEVICE_KEY}\n{arrows}\n"
         "- **Esc** closes a page like this one\n- **Ctrl+K** all commands\n"
     )
 

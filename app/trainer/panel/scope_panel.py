@@ -43,7 +43,7 @@ from app.trainer.panel.controls import (
 from app.trainer.panel.dialog import dialog
 from app.trainer.panel.exercise_tab import ExerciseTab
 from app.trainer.panel.frame import BUILD, LEARN, REPLAY, add_disclaimer
-from app.trainer.panel.help import Key, first_minute
+from app.trainer.panel.help import DEVICE_KEY, Key, first_minute
 from app.trainer.panel.keys import add_keys
 from app.trainer.panel.model_tab import SIMPLE_PICTURE
 from app.trainer.panel.pointing import Pointing
@@ -64,8 +64,8 @@ LEADS: dict[Leads, tuple[str, str]] = {
 }
 LedBy = Literal["tip", "handle"]
 LED_BY: dict[LedBy, tuple[str, str]] = {
-    "tip": ("Tip", "The tip goes where the pointer goes (F)"),
-    "handle": ("Handle", "Your hand is at the handle: the tip goes the other way (F)"),
+    "tip": ("Tip", "The tip goes where the pointer goes (T)"),
+    "handle": ("Handle", "Your hand is at the handle: the tip goes the other way (T)"),
 }
 Turn = Literal["left", "right", ""]
 TURNS: Mapping[Turn, tuple[str, str]] = {
@@ -133,7 +133,7 @@ KEYS = (
     Key("U", "U", "Not yet safe", "to tell structures apart, where an exercise asks"),
     Key("X", "X", "Other hand", "mouse and keys lead it"),
     Key("Y", "Y", "Scope", "mouse and keys lead it, or the hand again"),
-    Key("F", "F", "Tip or handle", "which end of an instrument is led"),
+    Key("T", "T", "Tip or handle", "which end of an instrument is led"),
     Key("N", "N", "Next instrument", "for the hand that is led"),
     Key("Z", "Z", "Other scope", "straight or oblique"),
     Key("T", "T", "Free camera", "from all sides, or through the scope again; not in an exercise"),
@@ -516,7 +516,7 @@ class ScopePanel:
             "U": lead.pointer.call_unsafe,
             "X": lead.choose_next,
             "Y": lead.choose_scope,
-            "F": lambda: self._choose_led_by("tip" if lead.by_handle else "handle"),
+            "T": lambda: self._choose_led_by("tip" if lead.by_handle else "handle"),
             "N": lead.choose_next_instrument,
             "Z": lead.change_scope,
             "T": lead.switch_camera,
@@ -565,4 +565,4 @@ def _text() -> str:
 
 def _keys_text() -> str:
     listed = "\n".join(f"- **{key.name}** {key.title}: {key.meaning}" for key in KEYS)
-    return f"\n**Keys**\n\n{listed}\n- **M** The next scene\n"
+    return f"\n**Keys**\n\n{listed}\n- **M** The next scene\n{DEVICE_KEY}\n"
