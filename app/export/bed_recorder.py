@@ -39,6 +39,7 @@ class BedRecorder:
         self._held, self._on_tubes = held, np.flatnonzero(surface.strands.to >= 0)
         self._keys: list[MotionKey] = []
         self._states: list[tuple[Floats, Floats, Floats, float, Floats, Floats]] = []
+        self._last_whole = dissection.rest_transforms()
         self._tear: float | None = None
 
     def add(
@@ -48,38 +49,35 @@ class BedRecorder:
         reading: Reading,
         element: int = -1,
         front: float = WHOLE,
+        swing: float = 0.0,
     ) -> None:
         """Take down the duct as it is now, at a time, s.
 
-        A duct in two is without its `element`, and the tear has run as far as `front`.
+        A duct in two is without its `element`, the tear has run as far as `front`, and its pieces
+        still have the part `swing` of what moved them when it was last whole.
         """
         transforms, second = self._dissection.rest_transforms(), None
         if element >= 0:
             second = self._surface.move(beam, transforms.copy(), 1, element)
             self._surface.move(beam, transforms, 0, element)
             self._tear = self._middle(beam, element)
-        elif self._keys:  # the first stays the identity to the bit
-            self._surface.move(beam, transforms)
+            if swing:
+                transforms, second = (
+                    self._swung(self._last_whole, each, swing) for each in (transforms, second)
+                )
+        else:
+            if self._keys:  # the first stays the identity to the bit
+                self._surface.move(beam, transforms)
+            self._last_whole = transforms
         self._keys.append(MotionKey(time, transforms, reading, front, second))
         self._states.append(self._state(beam))
 
-    def add_tear(
-        self,
-        beam: BeamOnBed,
-        element: int,
-        check: RuptureCheck,
-        run_step: float = RUN_STEP,
-    ) -> None:
+    def add_tear(self, beam: BeamOnBed, element: int, check: RuptureCheck) -> None:
         """Take down how the duct tears after the last key.
 
-        `beam` is in equilibrium in two, without its `element`; keys are `run_step` s apart while
-        the front runs.
+        `beam` is in equilibrium in two, without its `element`.
         """
-        last, before, after = self._keys[-1], self._states[-1], self._state(beam)
-        hung = [
-            self._surface.move(beam, self._dissection.rest_transforms(), piece, element)
-            for piece in (0, 1)
-        ]
+        last, before = self._keys[-1], self._states[-1]
         tearing = replace(
             last.reading,
             phase=Phase.TEARING,
@@ -88,13 +86,12 @@ class BedRecorder:
             nicks=(),
         )
         torn = replace(tearing, phase=Phase.TORN, force=0.0, deflection=0.0)
-        self._tear = self._middle(beam, element)
-        for elapsed in recoil_times(run_step).tolist():
-            front, swing = tear_front(elapsed), tear_swing(elapsed)
-            first, second = (self._swung(last.transforms, each, swing) for each in hung)
+        for elapsed in recoil_times(RUN_STEP).tolist():
+            front = tear_front(elapsed)
             reading = tearing if front < 1.0 else torn
-            self._keys.append(MotionKey(last.time + elapsed, first, reading, front, second))
-            self._states.append(before if front < 1.0 else after)
+            self.add(last.time + elapsed, beam, reading, element, front, tear_swing(elapsed))
+            if front < 1.0:
+                self._states[-1] = before
 
     def motion(self, name: str) -> Motion:
         """Return the motion that was taken down."""

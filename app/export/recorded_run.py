@@ -17,6 +17,8 @@ from app.simulation import (
     Phase,
     Replay,
     RunLog,
+    tear_front,
+    tear_swing,
 )
 from organ_geometry import Organ
 from organ_geometry.mesh import TornPiece, organ_skin
@@ -32,11 +34,12 @@ class RecordedRun:
     dissection: Dissection
     motion: Motion
     seed: int  # of the torn rim's raggedness
+    seconds: float  # of the run, without the recoil after its end
     names: tuple[str, str, str] = NAMES  # of the duct's mesh, and of its pieces'
 
     @classmethod
     def of_log(cls, log: RunLog, organ: Organ, *, frames: int) -> "RecordedRun":
-        """Return a logged run: `frames` keys to its end or tear, then the recoil tick by tick."""
+        """Return a logged run in `frames` keys, after a tear also the recoil tick by tick."""
         check_frames(frames)
         if not log.ticks:
             raise ValueError("a run of no ticks has nothing to play; move a hand, and wait")
@@ -66,27 +69,40 @@ class RecordedRun:
                 last = tick + AFTER_TEAR - 1
                 keys.append(MotionKey(time, transforms, reading))  # the whole organ as it breaks
             keys.append(MotionKey(time, transforms, reading, WHOLE if front is None else front))
-        return cls(dissection, Motion.of(RUN, keys), replay.log.seed)
+        seconds = replay.log.ticks * TICK_SECONDS
+        return cls(dissection, Motion.of(RUN, keys), replay.log.seed, seconds)
 
     @classmethod
     def _of_space(cls, replay: Replay, frames: int) -> "RecordedRun":
         """Return a run in space, whose strands are recorded with it."""
         ticks, duct = replay.log.ticks, replay.session.spatial
         recorder = BedRecorder(duct.dissection, duct.surface, divided=duct.divided)
-        shown = np.rint(np.linspace(0.0, ticks, frames)).astype(int)
-        # A tear ends the run: the last key of the whole duct is the one before.
-        for tick in np.unique([*shown, ticks - 1]).tolist():
+        shown = set(np.rint(np.linspace(0.0, ticks, frames)).astype(int).tolist())
+        replay.seek_tick(ticks)
+        tore = next((each.tick for each in duct.events if each.kind == "tear"), None)
+        check, element = duct.torn, duct.torn_elements[0]
+        if tore is not None:  # the tear runs from the last tick in which all is whole
+            shown.update(range(tore - 1, tore + AFTER_TEAR))
+        broke = 0.0
+        for tick in sorted(shown):
             replay.seek_tick(tick)
-            if duct.torn is None:
-                recorder.add(tick * TICK_SECONDS, duct.beam, duct.reading())
-        if duct.torn is not None:
-            replay.seek_tick(ticks + AFTER_TEAR)
-            recorder.add_tear(duct.beam, duct.torn_elements[0], duct.torn, run_step=TICK_SECONDS)
-        return cls(duct.dissection, recorder.motion(RUN), replay.log.seed)
+            reading, time = duct.reading(), tick * TICK_SECONDS
+            if tore is None or tick < tore:
+                recorder.add(time, duct.beam, reading)
+                broke = reading.force
+            if tore is None or check is None or tick < tore - 1:
+                continue
+            elapsed = (tick - tore + 1) * TICK_SECONDS
+            front = tear_front(elapsed)
+            if front < 1.0:
+                reading = replace(reading, phase=Phase.TEARING, check=check, force=broke, nicks=())
+            recorder.add(time, duct.beam, reading, element, front, tear_swing(elapsed))
+        motion, seconds = recorder.motion(RUN), ticks * TICK_SECONDS
+        return cls(duct.dissection, motion, replay.log.seed, seconds)
 
     @property
     def torn(self) -> bool:
-        """Whether the run ends with a tear."""
+        """Whether the duct tears in the run."""
         return self.motion.readings[-1].phase is not Phase.INTACT
 
     def pieces(self, *, edge_length: float) -> tuple[TornPiece, TornPiece] | None:

@@ -73,6 +73,7 @@ def recorded_runs(log: RunLog, organ: Organ, *, frames: int) -> tuple[RecordedRu
             dissection,
             recorder.motion(RUN),
             log.seed,
+            log.ticks * TICK_SECONDS,
             (name, f"{name}_{PIECES[0]}", f"{name}_{PIECES[1]}"),
         )
         for name, dissection, recorder in zip(

@@ -180,6 +180,11 @@ def test_a_pull_too_far_tears_the_duct_into_two_pieces_that_hang_on_their_strand
     explained = energy.stored + energy.dissipated + energy.snap + energy.drag
     explained += energy.lag + energy.residual
     assert energy.work == pytest.approx(explained, rel=1e-6)
+    assert session.run.going
+    duct.beam.detach(np.ones(duct.beam.strands.count, np.bool_))
+    session.move_hand(0, np.zeros(3))
+    session.advance()
+    assert session.run.over, "nothing is left whole"
     session.reset()
     assert session.reading().torn_at is None
     assert np.array_equal(session.drawn.surfaces[0].vertices, session.drawn.skin.vertices)

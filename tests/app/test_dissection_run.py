@@ -21,6 +21,7 @@ from simulated import bed_session, phantom
 from app.command_line.replay import replay
 from app.simulation import (
     INSTRUMENTS,
+    TICK_SECONDS,
     Replay,
     RunFile,
     RunFileError,
@@ -149,16 +150,30 @@ def test_what_was_done_before_a_reset_does_not_show_in_a_dissection() -> None:
     assert run_json(dissected(session)) == run_json(dissected(fresh))
 
 
-def test_a_tear_ends_a_dissection_and_a_reset_begins_another() -> None:
+def test_a_run_goes_on_after_a_tear_until_it_is_ended_and_a_reset_begins_another() -> None:
+    """Strands still hold the pieces: a dissector parts some more, and all of it is replayed."""
     session = bed_session(phantom(), vertices=300)
     start = session.grab(0, 25.4)
     assert start is not None
     session.move_hand(0, start + np.array([0.0, 0.0, 40.0]))
-    while session.run.going:
+    while session.spatial.torn is None:
         session.advance()
-    tear = session.metrics()["tear"]
+    tear, broken = session.metrics()["tear"], session.metrics()["strands_broken"]
     assert tear is not None
     assert tear["normal_stress_MPa"] + tear["bending_stress_MPa"] > tear["threshold_MPa"]
+    tore = session.run.ticks
+    assert tear["time_s"] == tore * TICK_SECONDS
+    assert session.grab(0, 10.0) is None
+    session.choose_instrument(1, "dissector")
+    for across in (6.0, -6.0):
+        session.move_hand(1, np.array([12.0, across, -2.5]))
+        session.advance(60)
+    assert session.run.going
+    after = session.metrics()
+    assert after["tear"] == tear
+    assert after["time_s"] == (tore + 120) * TICK_SECONDS
+    assert after["strands_broken"] > broken
+    session.finish()
     original = session.run_file()
     session.advance(40)
     assert session.run_file() == original

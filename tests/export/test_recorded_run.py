@@ -251,22 +251,45 @@ def test_a_dissection_is_written_for_paraview(tmp_path: Path) -> None:
     assert "--frames is of a file that plays the run" in words
 
 
-def test_a_dissection_that_tears_is_played_until_both_pieces_hang() -> None:
+@pytest.mark.parametrize("goes_on", [0, 60])
+def test_a_dissection_that_tears_is_played_until_both_pieces_hang(goes_on: int) -> None:
+    """Also where the run goes on meanwhile, and a dissector parts strands of a piece."""
     session = bed_session(phantom(), bed=bed_named("inflamed"), vertices=300)
     start = session.grab(0, 25.0)
     assert start is not None
-    for tick in range(120):
+    tick = 0
+    while session.spatial.torn is None:
         session.move_hand(0, start + np.array([0.0, 0.0, 0.5 * tick]))
         session.advance()
-    assert session.spatial.torn is not None
+        tick += 1
+    broken = session.reading().broken
+    session.choose_instrument(1, "dissector")
+    for across in (6.0, -6.0):
+        session.move_hand(1, np.array([12.0, across, -2.5]))
+        session.advance(goes_on)
+    assert (session.reading().broken > broken) == (goes_on > 0)
+    session.finish()
+    last = max(tick + AFTER_TEAR - 1, session.run.ticks)
     again = Replay(session.run_file().log, phantom(), vertices=300)
     run = RecordedRun.of_log(session.run_file().log, phantom(), frames=200)
     motion, whole = run.motion, run.motion.whole
     assert run.torn
+    assert run.seconds == session.run.ticks * TICK_SECONDS
+    apart = int(whole.sum())
+    assert motion.times[[apart - 1, apart, -1]] == pytest.approx(
+        np.array([tick - 1, tick - 1, last]) * TICK_SECONDS
+    )
+    assert np.abs(motion.transforms[apart - 1] - motion.transforms[apart]).max() < 1e-12
     assert 0.0 < motion.readings[int(whole.sum()) - 1].check.distance_to_break < 0.2
     assert motion.readings[-1].check.station == session.spatial.torn.station
+    for at in (apart, apart + 17):  # the pull is shown until the front is through
+        assert motion.readings[at].phase is Phase.TEARING
+        assert motion.readings[at].force == motion.readings[apart - 1].force > 1.0
     # At the end each piece is where the trainer draws it.
     again.seek_tick(10**6)
+    bed = motion.bed
+    assert bed is not None
+    assert (bed.damage[-1] >= 1.0).sum() == again.session.reading().broken
     surfaces = again.session.drawn.surfaces
     pieces = run.pieces(edge_length=again.session.drawn.edge_length)
     assert pieces is not None

@@ -20,7 +20,7 @@ from physics import Theory
 
 
 class Run:
-    """A run: it starts with the first input and is over with the last tear or the exercise.
+    """A run: from the first input until its exercise is over or nothing is left whole to act on.
 
     `recorder` has taken a tick's measures before the tick is counted here; `attempt` judges the
     exercise, if there is one.
@@ -142,10 +142,6 @@ class Run:
     def errors(self) -> int:
         """How many there are."""
         return self._recorder.errors.total if self.started else 0
-
-    def cause(self) -> Incident | None:
-        """Return the error of the last second that an end is put down to, if there was one."""
-        return self._recorder.errors.cause() if self.started else None
 
     def file(self, organ: OrganIdentity, seed: int) -> RunFile:
         """Return the run so far; a `ValueError` before the start."""

@@ -112,7 +112,7 @@ class Session:
     surfaces of a session that is not `watched` stay as they were at first, and it keeps no earlier
     tries. `tissue`, `drawn` and `run` are public for reading; `tissue` is another object after a
     choice of organ, preset, bed or exercise's bed, `run` after a reset. A run starts with the first
-    input and is over with the tear or the exercise.
+    input, and is over when its exercise is or when nothing is left whole to act on.
     """
 
     def __init__(

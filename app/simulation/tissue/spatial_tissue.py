@@ -984,8 +984,8 @@ class SpatialTissue:
 
     @property
     def over(self) -> bool:
-        """Whether all tubes have torn."""
-        return all(self.tears)
+        """Whether nothing is left whole to act on: no tube, and no strand that holds one."""
+        return all(self.tears) and self.broken >= self.beam.strands.count
 
     def tear_of(self, tube: int) -> RuptureCheck | None:
         """Return where and under what a tube has torn, or None."""

@@ -67,7 +67,7 @@ class Tissue(Protocol):
 
     @property
     def over(self) -> bool:
-        """Whether all that there is has torn."""
+        """Whether nothing is left whole to act on."""
         ...
 
     def tear_of(self, tube: int) -> RuptureCheck | None:

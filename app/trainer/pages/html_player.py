@@ -91,10 +91,11 @@ def run_page(run: RecordedRun, *, edge_length: float) -> str:
     if run.torn:
         tearing = (each.force for each in motion.readings if each.phase is Phase.TEARING)
         ended = f"; it tore at {max(tearing):.3g} N."
-    whole = float(motion.times[motion.whole][-1])
     divided = motion.bed is not None and motion.bed.divided
     where = "of a duct divided at its end" if divided else "between the clamps"
-    notes = [f"A recorded run of {whole:.1f} s on {dissection.beam.span:.1f} mm {where}{ended}"]
+    notes = [
+        f"A recorded run of {run.seconds:.1f} s on {dissection.beam.span:.1f} mm {where}{ended}"
+    ]
     pieces = run.pieces(edge_length=edge_length)
     return player_page(dissection, motion, notes, edge_length=edge_length, pieces=pieces)
 
@@ -275,7 +276,7 @@ def _caption(reading: Reading, freed: float | None) -> str:
     if reading.phase is Phase.TEARING:
         return f"F {reading.force:.3g} N   it tears"
     if reading.phase is Phase.TORN:
-        return "F 0 N   torn in two"
+        return f"F {reading.force:.3g} N   torn in two"
     left = 100.0 * max(0.0, reading.check.distance_to_break)
     done = f"lifted {reading.deflection:.1f}" if freed is None else f"freed {freed:.1f}"
     return f"F {reading.force:.3g} N   {done} mm   distance to break {left:.0f} %"

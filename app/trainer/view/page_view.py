@@ -17,6 +17,7 @@ from app.simulation import (
     Run,
     RunFile,
     Session,
+    cause_of,
     exercise_at,
 )
 from app.trainer.client.beside import StartCompanion
@@ -350,15 +351,20 @@ class PageView:
                     (id(self), "result"),
                     lambda: exercises.show_result(kept, errors),
                 )
-            elif reading.torn_at is not None:
-                self._notice = self.client.add_notification(
-                    "The duct is torn",
-                    f"{_torn_words(reading)} {_why(run)}Press Reset (R) for a new one.",
-                    color="red",
-                )
             self._panel_stale = True
-        if not run.over:
+        self._tell_tear(run, reading)
+
+    def _tell_tear(self, run: Run, reading: Reading) -> None:
+        """Say that a single duct is torn, once, until another run or an exercise's result."""
+        torn = self.session.specimen.anatomy is None and reading.phase is Phase.TORN
+        if not torn or run.exercise is not None:
             self._forget_tear()
+        elif self._notice is None:
+            self._notice = self.client.add_notification(
+                "The duct is torn",
+                f"{_torn_words(reading)} {_why(run)}Press Reset (R) for a new one.",
+                color="red",
+            )
 
     def _forget_tear(self) -> None:
         if self._notice is not None:
@@ -399,8 +405,9 @@ def _culprit(state: PageState) -> int | None:
 
 
 def _why(run: Run) -> str:
-    """Return the error that a tear is put down to, in a sentence; empty without one."""
-    cause = run.cause()
+    """Return the error that a run's tear is put down to, in a sentence; empty without one."""
+    tore: float = run.metrics()["tear"]["time_s"]
+    cause = cause_of((each for each in run.incidents() if each.start_s <= tore), tore)
     return "" if cause is None else f"{cause.sentence} "
 
 
