@@ -129,7 +129,11 @@ FIELDS = ("error", "start_s", "end_s", "hand", "tube", "station_mm", "consequenc
 """Of an incident, as it is kept."""
 TEAR = (
     Column("tear_time_s", "number", "s", "When it tore, from the start of the run."),
-    Column("tear_station_mm", "number", "mm", "Where it tore, from the first clamp."),
+    Column("tear_station_mm", "number", "mm", "Where it tore, from the first clamp or end."),
+)
+TUBES = (
+    Column("peak_stress_tube", "text", "", "Tube of the peak stress; empty of a duct alone."),
+    Column("tear_tube", "text", "", "Tube that tore first; empty of a duct alone."),
 )
 
 
@@ -377,7 +381,7 @@ def _measured(attempts: Sequence[Row]) -> list[Column]:
                 # Shares are kept as such; per cent are of what people are shown.
                 unit = "1" if each.factor != 1.0 else each.unit
                 columns.append(Column(name, kind, unit, f"{each.meaning}{which}"))
-    return [*columns, *TEAR]
+    return [*columns, *TEAR, *(each for each in TUBES if each.name in there)]
 
 
 def _csv(columns: Sequence[Column], rows: Sequence[Row]) -> bytes:

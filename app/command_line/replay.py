@@ -220,6 +220,7 @@ def _write_seen(log: "RunLog", organ: "Organ", path: Path, frames: int | None) -
 
 def _lines(metrics: "Metrics") -> list[tuple[str, str]]:
     """Return each metric's name, and its value and unit."""
+    from app.anatomy import tube_title
     from app.simulation import METRICS
 
     lines = [
@@ -236,7 +237,9 @@ def _lines(metrics: "Metrics") -> list[tuple[str, str]]:
     if tear is None:
         return [*lines, ("tear", "none")]
     force = f" under {tear['force_N']:.6g} N" if "force_N" in tear else ""
-    at = f"at {tear['time_s']:.6g} s{force}, {tear['station_mm']:.6g} mm from the first clamp"
+    tube = tear.get("tube")
+    end = "the first clamp" if tube is None else f"the first end of the {tube_title(tube)}"
+    at = f"at {tear['time_s']:.6g} s{force}, {tear['station_mm']:.6g} mm from {end}"
     return [*lines, ("tear", at)]
 
 

@@ -12,6 +12,7 @@ from program import refused, run
 from app.anatomy import anatomy_named
 from app.simulation import (
     FEW,
+    METRIC_OF,
     TICK_SECONDS,
     Performance,
     Replay,
@@ -184,6 +185,15 @@ def test_hasty_jaws_make_the_artery_bleed() -> None:
     metrics = session.metrics()
     assert metrics["tear"]["time_s"] == pytest.approx(tear.tick * TICK_SECONDS, abs=1e-9)
     assert metrics["time_s"] > metrics["tear"]["time_s"] + 1.0  # it goes on after that
+    assert metrics["tear"]["tube"] == metrics["peak_stress_tube"] == "artery"
+    assert metrics["tear"]["station_mm"] == tear.station
+    place = METRIC_OF["peak_stress_station_mm"].name(metrics)
+    assert place == "Place of the peak stress, cystic artery"
+    run = session.run_file()
+    without = {key: value for key, value in metrics["tear"].items() if key != "tube"}
+    older = msgspec.structs.replace(run, metrics=metrics | {"tear": without})
+    assert older.agrees_with(run), "as files of before are read"
+    assert not run.agrees_with(older)
     assert ("bleeding", "artery") in kinds(session)
     blood = session.reading().fluids[0]
     assert blood.lost_ml > 5.0

@@ -5,9 +5,11 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 
+from app.anatomy import tube_title
+
 Metrics = dict[str, Any]
-"""The metrics of a run by key: a number, a list of one of each hand, or what is known of the tear;
-None where the run gives none."""
+"""The metrics of a run by key: a number, a list of one of each hand, the name of a tube, or what is
+known of the tear; None where the run gives none."""
 DISTANCE_TO_BREAK = "smallest_distance_to_break"
 MOST_DIGITS = 6
 
@@ -24,6 +26,7 @@ class Metric(NamedTuple):
     by_hand: str = ""  # of what there is one for each hand, the title with hands
     limited: str = ""  # a limit of it, in words with {limit}
     passed: str = ""  # that it is passed, in a sentence with {value} and {limit} without full stop
+    tube: str = ""  # key of the name of the tube that it is of, where there are several
 
     def limit_words(self, limit: float) -> str:
         """Return a limit of it, in words."""
@@ -50,7 +53,8 @@ class Metric(NamedTuple):
         """Return its title in a run."""
         if isinstance(metrics[self.key], list):
             return self.by_hand
-        return self.title.format(**metrics)
+        title, tube = self.title.format(**metrics), metrics.get(self.tube)
+        return title if tube is None else f"{title}, {tube_title(tube)}"
 
 
 METRICS = (
@@ -83,10 +87,12 @@ METRICS = (
         "The highest stress in the wall, as a part of the threshold: 100 % tears.", 100.0,
         limited="the wall never past {limit:.0f} % of its break",
         passed="The wall reached {value:.1f} % of its break, past {limit:.1f} %",
+        tube="peak_stress_tube",
     ),
     Metric(
         "peak_stress_station_mm", "Place of the peak stress", "mm", "",
-        "Where the wall had its highest stress, from the first clamp.",
+        "Where the wall had its highest stress, from the first clamp or the tube's first end.",
+        tube="peak_stress_tube",
     ),
     Metric(
         "shortest_time_to_break_s", "Shortest time to break", "s", "higher",
@@ -212,7 +218,7 @@ METRICS = (
         passed="The distance to break fell to {value:.0f} %, below {limit:.0f} %",
     ),
 )  # fmt: skip
-"""All measures but the tear and the task threshold, in the order in which they are shown."""
+"""All measures that are numbers, but the task threshold, in the order in which they are shown."""
 METRIC_OF = {each.key: each for each in METRICS}
 """Them by key."""
 

@@ -40,14 +40,15 @@ INSTRUMENT, PULLED, TURNED, DUCT_MOST, WORK_NOW, ROD_WORK_NOW, DISSIPATED_NOW = 
 PEAK, PEAK_AT, ABOVE_HALF, TIME_TO_BREAK, RATIOS = range(7, 12)
 
 
-class DissectionTear(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where and when the duct tore, and under what."""
+class DissectionTear(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Where and when the first tube that tore did, and under what."""
 
-    station_mm: float  # from the first clamp
+    station_mm: float  # from the first clamp, or the tube's first end
     time_s: float  # from the start of the run
     normal_stress_MPa: float  # noqa: N815
     bending_stress_MPa: float  # noqa: N815
     threshold_MPa: float  # noqa: N815
+    tube: str | None = None  # its name; left out of a duct alone
 
 
 class DissectionMeasures(
@@ -88,6 +89,7 @@ class DissectionMeasures(
     time_out_of_picture_s: float | None = None  # with a tip of either hand outside it
     scope_path_mm: float | None = None
     horizon_deg: float | None = None  # mean of its turn, without sign
+    peak_stress_tube: str | None = None  # name of the tube; left out of a duct alone
 
 
 class DissectionRecorder:
@@ -109,6 +111,7 @@ class DissectionRecorder:
         self._hands[:, HOLDING:ALONG], self._sums[TIME_TO_BREAK] = 1.0, math.inf
         self._by_hand = np.zeros(HANDS, np.int64)
         self.out_of_sight = 0
+        self._peak, self._peak_tube = 0.0, 0  # largest share of the break, and of which tube
         self._scope: tuple[float, ...] | None = None  # its view, once there is one
         self._unseen = self._levelled = 0  # ticks: a tip out of the picture; a horizon known
         self._scope_path = self._rolled = 0.0  # mm; sum of rad
@@ -150,6 +153,8 @@ class DissectionRecorder:
             (a.place, b.place), (a.node is not None, b.node is not None),
             duct.rod_counts, duct.stress_ratio, duct.station, moved,
         )  # fmt: skip
+        if duct.stress_ratio > self._peak:
+            self._peak, self._peak_tube = duct.stress_ratio, duct.worst_tube
         out_of_sight = self.out_of_sight
         if moved and duct.broken > self._broken:
             self._broken = duct.broken
@@ -293,7 +298,13 @@ class DissectionRecorder:
             normal_stress_MPa=torn.normal_stress,
             bending_stress_MPa=torn.bending_stress,
             threshold_MPa=torn.threshold,
+            tube=self._name(self.duct.tears.index(torn)),
         )
+
+    def _name(self, tube: int) -> str | None:
+        """Return a tube's name where there are several."""
+        names = self.duct.tubes.names
+        return names[tube] if len(names) > 1 else None
 
     def _of_hands(self, column: int) -> tuple[float, ...]:
         return tuple(self._hands[:, column].tolist())
@@ -342,6 +353,7 @@ class DissectionRecorder:
         "horizon_deg": lambda self: (
             math.degrees(self._rolled / self._levelled) if self._levelled else None
         ),
+        "peak_stress_tube": lambda self: self._name(self._peak_tube) if self._peak else None,
     }
 
 
