@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from organ_geometry.atomic_file import WorkFolder as WorkFolder
     from organ_geometry.atomic_file import check_target as check_target
+    from organ_geometry.atomic_file import file_name as file_name
     from organ_geometry.atomic_file import make_folder as make_folder
     from organ_geometry.atomic_file import remove_left_behind as remove_left_behind
     from organ_geometry.atomic_file import write_atomic as write_atomic

@@ -7,6 +7,7 @@ no lock was left behind, and is removed by the next that works there.
 import contextlib
 import glob
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -21,6 +22,11 @@ except ImportError:  # Windows: what was left behind stays
 WORK_FOLDER = "bluntdissect-"
 # s in which what was just made gets its lock.
 LOCKED_WITHIN = 2.0
+
+
+def file_name(name: str) -> str:
+    """Return a name as a file's, valid on every system: of letters, digits, `-` and `_`."""
+    return re.sub(r"[^\w-]+", "_", name).strip("_") or "organ"
 
 
 def check_target(path: Path) -> None:

@@ -17,6 +17,7 @@ from organ_geometry import (
     SPACING_FILE,
     VOLUME_SUFFIXES,
     ImageStackError,
+    file_name,
     list_text,
 )
 
@@ -329,7 +330,7 @@ def _mib(count: int) -> str:
 def _plain_name(name: str) -> str:
     """Return a name that is only a name, whatever was sent."""
     stem = PurePosixPath(name.replace("\\", "/")).name.split(".")[0]
-    return re.sub(r"[^\w-]+", "_", stem)[:60].strip("_") or "organ"
+    return file_name(stem[:60])
 
 
 def _shown(name: str) -> str:

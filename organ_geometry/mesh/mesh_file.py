@@ -1,6 +1,5 @@
 """Mesh files: STL, PLY and OBJ in mm, GLB in metres with y up, ZIP of an STL for each surface."""
 
-import re
 from collections.abc import Sequence
 from io import BytesIO
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
@@ -8,6 +7,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import numpy as np
 from numpy.typing import NDArray
 
+from organ_geometry.atomic_file import file_name
 from organ_geometry.mesh.gltf_file import GltfFile
 from organ_geometry.mesh.gltf_mesh import skin_primitives
 from organ_geometry.mesh.skin import Surface
@@ -45,7 +45,7 @@ def _zip(surfaces: Sequence[Surface]) -> bytes:
     packed, names = BytesIO(), set[str]()
     with ZipFile(packed, "w") as archive:
         for surface in surfaces:
-            name = re.sub(r"[^\w-]+", "_", surface.name)
+            name = file_name(surface.name)
             if name.casefold() in names:
                 raise ValueError(f"two surfaces have the file name {name}.stl: rename one of them")
             names.add(name.casefold())

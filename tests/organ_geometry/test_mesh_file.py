@@ -62,7 +62,7 @@ def test_a_zip_has_an_stl_of_each_surface_by_its_name() -> None:
     content = mesh_content(named, ".zip")
     assert content == mesh_content(named, ".zip")
     with ZipFile(BytesIO(content)) as archive:
-        assert archive.namelist() == ["_a_b.stl", "\u00e9tat.stl", "C_x_y.stl"]
+        assert archive.namelist() == ["a_b.stl", "\u00e9tat.stl", "C_x_y.stl"]
         assert {archive.read(name) for name in archive.namelist()} == {
             mesh_content([organ], ".stl")
         }

@@ -1,7 +1,6 @@
 """Downloads: what is on the screen, or a run, as a file, as `bluntdissect export` writes it."""
 
 import io
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +14,7 @@ from app.export.vtk_series import snapshot_contents
 from app.simulation import Phase, Replay, RunFile, RunLog, Session, Specimen
 from app.trainer.pages.html_player import export_page, page_edge_length, run_page
 from app.trainer.pages.scope_player import scope_page
-from organ_geometry import Organ
+from organ_geometry import Organ, file_name
 from organ_geometry.mesh import mesh_content
 
 SUFFIXES = {
@@ -116,11 +115,6 @@ def organ_content(organ: Organ) -> bytes:
     if not organ.encoded:
         raise ValueError("only an organ that was built from images has an organ file")
     return organ.encoded
-
-
-def file_name(name: str) -> str:
-    """Return a file name that is valid on every system."""
-    return re.sub(r"[^\w-]+", "_", name, flags=re.ASCII).strip("_") or "organ"
 
 
 def run_download(run: RunFile | None, organ: Organ, suffix: str, vertices: int) -> Download:
