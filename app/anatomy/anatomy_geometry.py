@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.anatomy.tables import Anatomy, JoinTable, TableError, TubeTable
-from physics.bed.space_beam import axis_line
+from physics.bed.space_beam import axis_line, beyond
 
 Floats = NDArray[np.float64]
 
@@ -18,8 +18,6 @@ MEETS_MM = 0.5
 CLEAR_MM = 0.05
 """By how much two walls may overlap: what is written is rounded."""
 _STEP_MM = 0.5
-# Beyond the end of an axis, of its length: a curve's length is known to some digits.
-_JUST_BEYOND = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +97,7 @@ def check_lines(anatomy: Anatomy, lines: dict[str, TubeLine]) -> None:
     for number, layer in enumerate(anatomy.layer):
         length = lines[layer.tube].length
         upto = length if layer.to_mm is None else layer.to_mm
-        if not layer.from_mm < upto <= length * (1.0 + _JUST_BEYOND):
+        if not layer.from_mm < upto or beyond(upto, length):
             raise TableError(
                 f"layer of {layer.tube!r} to {layer.to!r}: it runs from {layer.from_mm:g} to "
                 f"{upto:g} mm of a tube that is {length:.4g} mm long",
@@ -139,9 +137,8 @@ def joined_places(anatomy: Anatomy, lines: dict[str, TubeLine]) -> dict[str, lis
     nodes: dict[str, list[Floats]] = {name: [] for name in lines}
     for number, join in enumerate(anatomy.join):
         to = lines[join.to]
-        if not isinstance(join.at_mm, str) and not 0.0 <= join.at_mm <= to.length * (
-            1.0 + _JUST_BEYOND
-        ):
+        at = join.at_mm
+        if not isinstance(at, str) and (not at >= 0.0 or beyond(at, to.length)):
             raise TableError(
                 f"tube {join.tube!r} joins {join.to!r} at {join.at_mm:g} mm, which is not on its "
                 f"{to.length:.4g} mm",

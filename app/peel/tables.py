@@ -20,7 +20,7 @@ from physics.bed import (
     SpaceBeam,
     Strands,
 )  # fmt: skip
-from physics.bed.space_beam import axis_line
+from physics.bed.space_beam import axis_line, beyond
 from physics.quantity import finite, positive
 
 Number = int | float
@@ -31,8 +31,6 @@ Span = tuple[Number, Number]
 SceneEnd = End | Literal["joined"]
 TableT = TypeVar("TableT", bound=msgspec.Struct)
 
-# Part of a curved axis's length.
-JUST_BEYOND = 1e-3
 DIRECTIONS = {"x": 0, "y": 1, "z": 2}
 STIFFNESSES = (
     "axial_stiffness_N",
@@ -462,11 +460,6 @@ class TimeTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             "strand_relaxation": None if strands is None else strands.made(),
             "wall_relaxation": None if wall is None else wall.made(),
         }
-
-
-def beyond(place: float, length: float) -> bool:
-    """Return whether a place is beyond an axis's end by more than its length is written with."""
-    return place > length * (1.0 + JUST_BEYOND)
 
 
 def on_axis(table: TableT, field: str, length: float | None) -> TableT:

@@ -39,6 +39,8 @@ STIFFNESSES = ("axial", "shear across", "shear up", "torsion", "bending up", "be
 # A hook that is nearer to an end than this part of an element holds the end: in an element so short
 # the rounding of places would be a force.
 NEAR_END = 2e-3
+# A place is past the end of an axis from this part of its length on: both are written rounded.
+JUST_BEYOND = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -360,6 +362,11 @@ def tangents(rotations: Floats) -> Floats:
         [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
         axis=1,
     )
+
+
+def beyond(place: float, length: float) -> bool:
+    """Return whether a place is past an axis's end by more than rounding, both in mm."""
+    return place > length * (1.0 + JUST_BEYOND)
 
 
 def axis_line(points: Floats) -> tuple[Floats, Floats, Floats]:
