@@ -94,6 +94,7 @@ def cases(request: pytest.FixtureRequest) -> list[Anatomy]:
     return [drawn_anatomy(seed) for seed in range(1, request.param + 1)]
 
 
+@pytest.mark.slow
 def test_every_seed_builds_what_was_drawn(cases: list[Anatomy]) -> None:
     for anatomy in cases:
         lines = tube_lines(anatomy)

@@ -46,6 +46,7 @@ def offered(session: Session) -> dict[str, Exercise]:
     return {each.name: each for each in bed_exercises(session)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(12, marks=pytest.mark.long)])
 @pytest.mark.parametrize("bed", ["normal", pytest.param("firm", marks=pytest.mark.long)])
 def test_good_hands_pass_and_others_are_told_why_they_fail(bed: str, seed: int) -> None:
@@ -200,6 +201,7 @@ def test_limits_follow_the_bed_and_not_its_seed() -> None:
     assert "of the break" in why or "good hands do not pass" in why
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "preset", ["porcine-bile-duct", pytest.param("thesis-rubber", marks=pytest.mark.long)]
 )

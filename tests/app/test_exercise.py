@@ -309,6 +309,7 @@ def session_on(duct: str) -> Session:
 HANDS = {"careful": CAREFUL, "hasty": HASTY, "clumsy": CLUMSY}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "feedback",
     [

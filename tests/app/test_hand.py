@@ -279,6 +279,7 @@ INPUTS = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(INPUTS)
 @settings(deadline=None, max_examples=40)
 def test_whatever_is_done_figures_stay_numbers_and_a_duct_tears_once(

@@ -100,6 +100,7 @@ class Follower:
             yield
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["window", "free_scar", "follow_front"])
 @pytest.mark.parametrize("seed", [1, 3, 6, 10])
 def test_who_does_what_next_asks_for_passes(name: str, seed: int) -> None:

@@ -29,6 +29,7 @@ def curve(organ: Path, *options: object) -> np.ndarray:
     return np.loadtxt(path, delimiter=",", skiprows=1, usecols=(0, 1))
 
 
+@pytest.mark.slow
 def test_a_bar_twice_as_thick_is_sixteen_times_as_stiff(tmp_path: Path) -> None:
     """From images to the exported curve; 192 E I / S^3 in the limit of small deflections."""
     stiffness: list[float] = []
@@ -64,6 +65,7 @@ def test_the_thesis_s_bar_on_another_organ_says_so(tube_file: Path, tmp_path: Pa
     assert "brings its own beam" in line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theory", list(THEORIES))
 @pytest.mark.parametrize("preset", list(presets()))
 @pytest.mark.parametrize("whose", ["own", pytest.param("shipped", marks=pytest.mark.long)])

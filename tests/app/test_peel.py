@@ -259,6 +259,7 @@ def test_refuses_a_load_that_nothing_holds(tmp_path: Path) -> None:
     assert "does anything hold the beam" in message
 
 
+@pytest.mark.slow
 def test_says_of_a_force_that_it_is_rounding(tmp_path: Path) -> None:
     push = "[[hand]]\nat_mm = 60.0\npath_N = [[0.0, 0.0, FORCE]]\nsteps = 2\n"
     stiff = re.sub(r"(axial|shear)_stiffness_N = .*", r"\1_stiffness_N = 1e12", BEAM)

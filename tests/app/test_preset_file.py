@@ -40,6 +40,7 @@ def number(name: str) -> st.SearchStrategy[float]:
     return st.floats(low, high, allow_nan=False)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(
     number("modulus_MPa"),

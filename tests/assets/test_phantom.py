@@ -59,6 +59,7 @@ def regions(index: int) -> dict[str, NDArray[np.bool_]]:
     }
 
 
+@pytest.mark.slow
 def test_committed_images_are_those_the_generator_draws(images: NDArray[np.uint8]) -> None:
     assert images.shape == (SECTION_COUNT, IMAGE_SIZE, IMAGE_SIZE)
     assert images.dtype == np.uint8
@@ -66,6 +67,7 @@ def test_committed_images_are_those_the_generator_draws(images: NDArray[np.uint8
     assert np.abs(images.astype(int) - drawn).max() <= GREY_ROUNDING
 
 
+@pytest.mark.slow
 def test_a_folder_written_anew_has_the_committed_names(tmp_path) -> None:
     write_phantom(tmp_path)
     written = {path.name for path in tmp_path.iterdir()}

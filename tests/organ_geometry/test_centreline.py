@@ -38,6 +38,7 @@ def off_axis(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linalg.norm(off - np.outer(off @ direction, direction), axis=1)
 
 
+@pytest.mark.slow
 def test_the_minimal_path_keeps_to_the_middle() -> None:
     direction = minimal_path(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)
     stations = arc_lengths(direction.points)
@@ -47,6 +48,7 @@ def test_the_minimal_path_keeps_to_the_middle() -> None:
     assert np.median(direction.depths) == pytest.approx(RADIUS, rel=0.15)
 
 
+@pytest.mark.slow
 def test_voxels_are_put_together_where_they_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("organ_geometry.reslice.minimal_path.MOST_VOXELS", 1500)
     direction = minimal_path(capsule(ENDS, RADIUS, SHAPE, SIZES), SIZES)

@@ -481,6 +481,7 @@ def frog_masks(data_dir: Path, folder: str, record: str) -> tuple[ImageStack, di
     return stack, spacing
 
 
+@pytest.mark.slow
 def test_the_frog_s_label_is_its_masks_along_x(data_dir: Path) -> None:
     masks, spacing = frog_masks(
         data_dir, "frog_large_intestine/masks", "frog_large_intestine/spacing.json"

@@ -16,6 +16,7 @@ def blended(keys: np.ndarray, values: np.ndarray) -> np.ndarray:
     return KeyBlend.at(EVERYWHERE, keys).of(values[:, np.newaxis])[:, 0]
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(keys=KEYS, seed=st.integers(0, 2**32 - 1))
 def test_it_is_scipy_s_spline_of_the_parabolas_slopes(keys: np.ndarray, seed: int) -> None:

@@ -55,6 +55,7 @@ def found_fork(angle: float, portion: int, turned: bool) -> tuple[LabelTubes, Fl
     return tubes_of_labels(volume, NAMES), turn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turned", [True, pytest.param(False, marks=pytest.mark.long)])
 @pytest.mark.parametrize("portion", [2, 4, pytest.param(8, marks=pytest.mark.long)])
 @pytest.mark.parametrize("angle", [40.0, pytest.param(70.0, marks=pytest.mark.long)])
@@ -79,6 +80,7 @@ def test_a_fork_s_joins_angles_and_radii_converge(angle: float, portion: int, tu
     assert trunk.radius_at(15.0) == pytest.approx(RADIUS, abs=radius_error)
 
 
+@pytest.mark.slow
 def test_a_joined_tube_s_surface_reaches_into_the_one_that_it_joins() -> None:
     found, _ = found_fork(40.0, 4, False)
     for join in found.joins:
@@ -149,6 +151,7 @@ def test_a_wall_of_wrong_and_missing_labels_is_found(sizes: tuple[float, float, 
     assert radii.mean() == pytest.approx(2.0, abs=0.06 * voxel)
 
 
+@pytest.mark.slow
 def test_tubes_that_only_touch_are_not_joined() -> None:
     volume = drawn_volume(
         {
@@ -181,6 +184,7 @@ def test_a_tube_in_two_pieces_is_refused_and_a_crumb_is_doubted() -> None:
     assert any("left out" in doubt for doubt in found.doubts)
 
 
+@pytest.mark.slow
 def test_a_branch_is_a_tube_of_its_own() -> None:
     trunk = Drawn((0.0, 0.0, 0.0), (0.0, 0.0, 50.0), RADIUS)
     side = Drawn((0.0, 0.0, STATION), (18.0, 0.0, STATION + 9.0), SIDE_RADIUS)
@@ -277,6 +281,7 @@ def test_the_atlas_is_found_again(name: str, data_dir: Path) -> None:
         assert figures.back < 0.1 * figures.radius + 0.05, tube
 
 
+@pytest.mark.slow
 def test_an_oblique_volume_s_tubes_stand_where_its_axes_say(tmp_path: Path) -> None:
     volume = drawn_volume(forked(40.0), RADIUS / 3)
     turn = turn_about_z(25.0) @ TILT

@@ -120,6 +120,7 @@ def test_anisotropic_pixels_are_measured_in_mm(cover: Cover, write_stack: WriteS
     assert built.rms_error_px == pytest.approx(built.rms_error_mm / math.sqrt(0.02))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 def test_masks_and_grey_images_give_the_same_organ(
     cover: Cover, write_stack: WriteStack, dark: bool
@@ -303,6 +304,7 @@ def test_a_bad_fit_that_is_asked_for_is_not(cover: Cover, write_stack: WriteStac
     assert build_organ(stack, promise=Promise(tolerance_mm=2.0)).warnings == ()
 
 
+@pytest.mark.slow
 def test_hundreds_of_equal_discs_are_a_straight_organ(write_stack: WriteStack) -> None:
     # Along a straight axis a bend along it changes nothing, to rounding: none is to be stored.
     mask = cv2.circle(np.zeros((160, 160), np.uint8), (80, 80), 40, 255, -1)
@@ -315,6 +317,7 @@ def test_hundreds_of_equal_discs_are_a_straight_organ(write_stack: WriteStack) -
     assert len(organ.encoded) < 30
 
 
+@pytest.mark.slow
 def test_a_tolerance_below_the_floor_names_the_smallest(
     cover: Cover, write_stack: WriteStack
 ) -> None:
@@ -337,6 +340,7 @@ def test_a_tolerance_in_pixels(cover: Cover, write_stack: WriteStack) -> None:
         build_organ(stack, promise=Promise(select="all"))  # pyright: ignore[reportArgumentType]
 
 
+@pytest.mark.slow
 def test_a_jumping_organ_is_warned_of(cover: Cover, write_stack: WriteStack) -> None:
     # 20 px or 2 mm aside from section to section, which are 0.5 mm apart.
     images = [disc(cover, 20.0, (44.5 + 20.0 * (index % 2), 49.5)) for index in range(5)]
@@ -359,6 +363,7 @@ def test_an_organ_that_most_images_do_not_show_is_doubtful(
     assert less.doubts == ("the organ was found in only 3 of 8 images",)
 
 
+@pytest.mark.slow
 def test_images_that_are_missing_by_their_names_are_said(
     cover: Cover, write_stack: WriteStack
 ) -> None:
@@ -397,6 +402,7 @@ def test_gaps_in_names(names: tuple[str, ...], jumps: dict[int, int]) -> None:
     assert name_jumps(names) == jumps
 
 
+@pytest.mark.slow
 def test_images_out_of_order_are_doubtful(cover: Cover, write_stack: WriteStack) -> None:
     places = [(40.0 + index, 45.0 + 0.02 * index**2) for index in range(20)]
     images = [disc(cover, 18.0 + 0.2 * index, place) for index, place in enumerate(places)]
@@ -583,6 +589,7 @@ def surface_distances(built: BuiltOrgan, reference: Path) -> NDArray[np.float64]
 
 # The masks' own contours lie 0.06 mm from the mesh in the perpendicular stack (see its README);
 # half a pixel comes on top, for the edges and for degree six.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "mean_limit_mm"),
     [
@@ -601,6 +608,7 @@ def test_a_real_duct_lies_on_the_mesh_it_was_cut_from(
     assert built.warnings == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "limit_px"),
     [
@@ -620,6 +628,7 @@ def test_real_ducts_stay_below_the_published_fit(
     assert built.rms_error_px < limit_px
 
 
+@pytest.mark.slow
 def test_pages_and_files_give_the_same_organ(data_dir: Path) -> None:
     folder = real(data_dir, "bile_duct_parallel").organ
     file = data_dir / "bile_duct_parallel" / "masks_multipage.tif"
@@ -628,6 +637,7 @@ def test_pages_and_files_give_the_same_organ(data_dir: Path) -> None:
     np.testing.assert_array_equal(pages.axis, folder.axis)
 
 
+@pytest.mark.slow
 def test_the_trachea_shows_its_lumen_where_it_is_a_closed_ring(data_dir: Path) -> None:
     built = real(data_dir, "trachea_wall_parallel")
     # 80 of 100 masks have a hole, one of them too small for a lumen.
@@ -644,6 +654,7 @@ def test_the_trachea_shows_its_lumen_where_it_is_a_closed_ring(data_dir: Path) -
     )
 
 
+@pytest.mark.slow
 def test_a_bent_organ_that_crosses_its_sections_twice_is_warned_of(data_dir: Path) -> None:
     built = real(data_dir, "duodenum_parallel")
     # One limb is followed until it meets the others in its bends.
@@ -657,6 +668,7 @@ def test_a_bent_organ_that_crosses_its_sections_twice_is_warned_of(data_dir: Pat
     assert beside.startswith("39 of 58 sections show another part")
 
 
+@pytest.mark.slow
 def test_real_anisotropic_pixels(data_dir: Path) -> None:
     built = real(data_dir, "frog_large_intestine")
     assert built.organ.units == "relative"

@@ -49,6 +49,7 @@ def test_pixel_noise_costs_hardly_a_byte() -> None:
     assert len(noisy.encoded) <= len(plain.encoded) + 8
 
 
+@pytest.mark.slow
 def test_a_bent_tube_is_bent_by_its_axis_alone() -> None:
     contours = bent_tube()
     encoded = encoded_organ(contours, 0.02 * RADIUS)
@@ -61,6 +62,7 @@ def test_a_bent_tube_is_bent_by_its_axis_alone() -> None:
     np.testing.assert_allclose(radii, 40.0, atol=0.06 * RADIUS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fraction", [0.02, *(pytest.param(each, marks=pytest.mark.long) for each in (0.01, 0.05))]
 )
@@ -71,6 +73,7 @@ def test_the_promise_holds_on_tubes(fraction: float, lumen: float | None) -> Non
         assert largest_rms(encoded, contours) <= encoded.organ.tolerance_mm <= fraction * RADIUS
 
 
+@pytest.mark.slow
 def test_a_finer_tolerance_takes_more_bytes() -> None:
     contours = bent_tube()
     sizes = [
@@ -80,6 +83,7 @@ def test_a_finer_tolerance_takes_more_bytes() -> None:
     assert sizes[0] < sizes[1] < sizes[2]
 
 
+@pytest.mark.slow
 def test_the_lumen_is_inside() -> None:
     organ = encoded_organ(bent_tube(lumen=0.6), 0.03 * RADIUS, hollow=True).organ
     stations = np.repeat(np.linspace(0.0, organ.length, 50), 64)
@@ -90,6 +94,7 @@ def test_the_lumen_is_inside() -> None:
     np.testing.assert_allclose(outer - lumen, 0.4 * RADIUS, atol=0.15 * RADIUS)
 
 
+@pytest.mark.slow
 def test_a_tolerance_below_the_floor_names_the_smallest() -> None:
     contours = cylinder()
     with pytest.raises(ToleranceTooSmall, match="cannot be kept by two degree-6 curves") as raised:
@@ -101,6 +106,7 @@ def test_a_tolerance_below_the_floor_names_the_smallest() -> None:
     assert largest_rms(encoded, contours) <= encoded.organ.tolerance_mm
 
 
+@pytest.mark.slow
 def test_the_thesis_s_rule_keeps_the_promise_with_more_sections() -> None:
     contours = [
         *cylinder(sections=9), *cylinder(sections=9, radius=1.3 * RADIUS),

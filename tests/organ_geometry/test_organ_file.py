@@ -48,6 +48,7 @@ def test_numbers_come_back(seed: int, hollow: bool) -> None:
     assert_same(code_from_bytes(code_bytes(code)), code)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), hollow=st.booleans())
 def test_a_reader_made_from_the_document_alone_gives_the_same_organ(
@@ -81,6 +82,7 @@ def test_a_reader_made_from_the_document_alone_gives_the_same_organ(
         np.testing.assert_allclose(organ.surface(station, angles), expected, atol=ROUNDING * size)
 
 
+@pytest.mark.slow
 def test_the_file_gives_back_what_was_written(tmp_path: Path) -> None:
     organ = encoded_organ(bent_tube(lumen=0.6), 0.08, hollow=True).organ
     path = tmp_path / "duct.organ"
@@ -103,6 +105,7 @@ def test_an_organ_that_was_changed_or_never_built_is_not_written(tmp_path: Path)
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_every_truncation_is_refused() -> None:
     data = encoded_organ(bent_tube(), 0.05).organ.encoded
     for length in range(len(data)):
@@ -113,6 +116,7 @@ def test_every_truncation_is_refused() -> None:
             organ_from_bytes(data + more)
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_is_refused() -> None:
     data = encoded_organ(bent_tube(), 0.05).organ.encoded
     for place in range(8 * len(data)):
@@ -128,6 +132,7 @@ def signed(packed: bytes) -> bytes:
     return start + crc16(start + packed).to_bytes(2, "big") + packed
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=300)
 @given(packed=st.binary(max_size=200))
 def test_no_bytes_do_more_than_be_refused(packed: bytes) -> None:
@@ -205,6 +210,7 @@ def test_bits_cost_what_their_odds_say() -> None:
     assert len(writer.as_bytes()) < 1.05 * 2000 * 0.469 / 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("radius", "scale", "output"),
     [

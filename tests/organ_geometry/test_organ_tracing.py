@@ -98,6 +98,7 @@ def test_drawn_sections_are_traced_to_a_twentieth_of_a_pixel(
         )
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(
     radius=st.floats(16.0, 34.0),
@@ -510,6 +511,7 @@ def test_the_noisy_phantom_has_the_edge_it_was_drawn_with() -> None:
     assert np.sqrt(np.mean(sizes) / np.pi) == pytest.approx(1.0, abs=0.1 / 35.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "least", "largest_px"),
     [

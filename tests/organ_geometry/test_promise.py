@@ -84,6 +84,7 @@ def test_a_thin_wall_stays_a_wall() -> None:
     assert min(thinnest_wall(*walls) for walls in zip(outer, lumen, strict=True)) > 0.0
 
 
+@pytest.mark.slow
 def test_a_lumen_outside_is_refused_by_its_section() -> None:
     with pytest.raises(ValueError, match="the lumen of section 0 is not inside its outer boundary"):
         encoded_organ(cylinder(lumen=1.1, sections=9), 0.02 * RADIUS, hollow=True)

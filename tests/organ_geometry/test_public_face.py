@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import organ_geometry
 
 
@@ -26,6 +28,7 @@ def test_every_name_that_the_types_show_can_be_had() -> None:
     )
 
 
+@pytest.mark.slow
 def test_reading_an_organ_loads_no_image_library() -> None:
     program = (
         "import sys; from organ_geometry import Organ, read_organ; import organ_geometry.mesh; "

@@ -64,6 +64,7 @@ def test_what_numbers_will_give_is_predicted(kept: tuple[CandidateEncoder, Encod
     assert again.worst == pytest.approx(np.sqrt(descent._state.errors.max()), rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("places", [(16, 48), (28, 46, 56)])
 def test_key_sections_move_to_where_they_keep_the_organ(places: tuple[int, ...]) -> None:
     candidates = candidates_of(kinked(40 / 64), 0.01)
@@ -163,6 +164,7 @@ def test_a_descent_ends_where_no_integer_alone_is_better(seed: int, wall: float)
     np.testing.assert_allclose(state.errors, errors(integers), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_all_sections_together_fill_what_they_may_be_off() -> None:
     contours = kinked(0.4)
     for fraction in (0.01, 0.02):

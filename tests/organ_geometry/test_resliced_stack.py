@@ -155,6 +155,7 @@ def test_frames_and_names_are_the_sections_own(arc: ImageStack) -> None:
     assert note == f"cut again into {len(sections)} sections perpendicular to its centreline"
 
 
+@pytest.mark.slow
 def test_a_dark_organ_is_found_and_deep_levels_stay(arc: ImageStack) -> None:
     dark = volume_stack(40_000 - 100 * drawn(arc_distance(places(SHAPE)), np.uint16))
     ours, theirs = reslice_stack(dark), reslice_stack(arc)
@@ -198,6 +199,7 @@ def mask(distance: NDArray[np.float64]) -> GreyImage:
     return (distance < 0).astype(np.uint8) * np.uint8(255)
 
 
+@pytest.mark.slow
 def test_lengthwise_slices_are_cut_again_and_it_is_said() -> None:
     bent = volume_stack(mask(arc_distance(places(SHAPE))))
     sections = suited(bent)
@@ -225,6 +227,7 @@ def test_two_organs_side_by_side_are_left_alone() -> None:
     assert suited(stack) is stack
 
 
+@pytest.mark.slow
 def test_grey_images_are_looked_at_with_a_threshold_only() -> None:
     noise = np.random.default_rng(0).normal(scale=30.0, size=SHAPE)
     grey = np.clip(drawn(arc_distance(places(SHAPE))) + noise, 0, 255).astype(np.uint8)
@@ -330,6 +333,7 @@ def test_an_organ_hangs_together_over_its_images() -> None:
     assert organ.outside_level == 0.0
 
 
+@pytest.mark.slow
 def test_the_duodenum_s_sections_lie_on_its_reference(data_dir: Path) -> None:
     stack = read_image_stack(data_dir / "duodenum_parallel" / "masks")
     sections = suited(stack)

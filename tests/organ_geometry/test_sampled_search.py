@@ -52,6 +52,7 @@ def largest_rms(encoded: EncodedOrgan, contours: list[SectionContour]) -> float:
     return float(root_mean_squares(section_distances(organ, contours, encoded.places)).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hollow", [False, True])
 def test_a_section_that_the_sample_misses_is_kept_too(hollow: bool) -> None:
     contours = wavy_tube(lumen=hollow)
@@ -69,6 +70,7 @@ def test_a_section_that_the_sample_misses_is_kept_too(hollow: bool) -> None:
     assert largest_rms(encoded, contours) <= encoded.organ.tolerance_mm <= TOLERANCE
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None, derandomize=True)
 @given(
     odd=st.lists(st.integers(0, LONG - 1), min_size=1, max_size=4, unique=True),
@@ -89,6 +91,7 @@ def test_sections_unlike_their_neighbours_are_kept_or_refused(
     assert largest_rms(encoded, contours) <= encoded.organ.tolerance_mm <= tolerance
 
 
+@pytest.mark.slow
 def test_samples_take_few_bytes_more_than_a_search_by_all_sections() -> None:
     contours = wavy_tube()
     by_samples = SampledSearch(candidates_at(contours)).fewest_bytes()
@@ -118,6 +121,7 @@ def test_numbers_of_some_sections_are_measured_by_all_as_a_reader_finds_them() -
     assert len(one.sampling.outlines.outer) > LONG
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fraction", [0.0005, pytest.param(0.001, marks=pytest.mark.long)])
 def test_a_tolerance_out_of_reach_names_the_smallest_of_a_long_stack_too(fraction: float) -> None:
     contours = cylinder(sections=QUICK.many_sections)
@@ -129,6 +133,7 @@ def test_a_tolerance_out_of_reach_names_the_smallest_of_a_long_stack_too(fractio
     assert largest_rms(encoded, contours) <= encoded.organ.tolerance_mm
 
 
+@pytest.mark.slow
 def test_all_sections_together_are_kept_to_what_they_may_in_a_long_stack() -> None:
     contours = wavy_tube()
     encoded = encoded_organ(contours, 2.0 * TOLERANCE, overall=0.6 * TOLERANCE)

@@ -51,6 +51,7 @@ def test_crossings_are_found_where_there_are_some() -> None:
     assert crossings(trimesh.Trimesh(vertices, faces, process=False)) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wall", [None, 1.0, 0.2])
 def test_skins_of_organs_and_pieces_are_embedded(wall: float | None) -> None:
     edge_length = 1.2

@@ -87,6 +87,7 @@ def crack_force(crack: float, toughness: float, stiffness: float, bending: float
     return math.sqrt(2.0 * bending * toughness) / (crack + reach)
 
 
+@pytest.mark.slow
 def test_kanninen_s_double_cantilever() -> None:
     k, g, bending, crack = 0.05, 1e-4, 100.0, 20.0
     beam = made(150.0, 240, [1e3, 1e5, bending], ends=("free", "clamped"))
@@ -465,6 +466,7 @@ def beam_stations_parted(beam: SpaceBeam, bed: Bed, history: History) -> np.ndar
     return bed.strands_under(beam).stations[history.damage >= 1.0]
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     st.integers(0, 10**6),
@@ -479,6 +481,7 @@ def test_no_pull_is_lost(seed: int, at: float, direction: tuple[float, float, fl
     balanced(history)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [26, 56, 113, 327, 569, 814])
 def test_rods_among_strands_lose_no_pull(seed: int) -> None:
     """Ends inside rods, a slow way off a saddle, strands that push, a leap; one that hangs free."""
@@ -527,6 +530,7 @@ def test_a_strand_s_length_round_a_rod_never_jumps() -> None:
     assert touched > 1000
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6))
 def test_no_pull_is_lost_in_real_time(seed: int) -> None:

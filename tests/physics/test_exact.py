@@ -288,6 +288,7 @@ def test_any_cold_solve_and_back(theory: Exact, seed: int) -> None:
     )
 
 
+@pytest.mark.slow
 @every
 def test_two_thousand_random_cold_solves(theory: Exact) -> None:
     result = sweep(theory, 2000 if theory.law != NeoHooke() else 500, seed=7)
@@ -395,6 +396,7 @@ def numbers(*values: Any) -> list[np.ndarray]:
     return found
 
 
+@pytest.mark.slow
 @every
 @grasps
 def test_kernels_are_their_python_form(theory: Exact, grasp: float) -> None:

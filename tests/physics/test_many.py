@@ -42,6 +42,7 @@ def drawn_ducts(count: int, central: bool) -> tuple[Ducts, np.ndarray, np.ndarra
     return ducts, modulus * drawn.uniform(0.05, 0.6, count), 0.02 * modulus * area
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("central", [True, False])
 @pytest.mark.parametrize(
     ("theory", "count"),

@@ -112,6 +112,7 @@ def growth(chain: MassSpringChain, step: float, count: int) -> float:
     return min(after / before, 1e30) if math.isfinite(after) else 1e30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.0, 1.0, 30.0])
 @pytest.mark.parametrize("integrator", sorted(INTEGRATORS))
 @pytest.mark.parametrize("grasp", [25.4, 10.0])

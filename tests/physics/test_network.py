@@ -317,6 +317,7 @@ def crossed(seed: int) -> BeamOnBed:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [k.FROZEN, k.INCREMENTAL])
 @pytest.mark.parametrize("seed", [2, 3])
 def test_gradient_and_tangent_are_the_energy_s_differences(kind: int, seed: int) -> None:
@@ -331,6 +332,7 @@ def solved(s: k.State) -> bool:
     return solve(s.first_block, s.blocks, s.product, s.diagonal, s.block, s.step)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_network_is_solved_as_the_full_matrix(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -389,6 +391,7 @@ def test_two_beams_joined_by_strands_open_as_kanninen_s(elements: int, error: fl
     assert check.found == pytest.approx(check.expected, rel=error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stretching", [1.0, 8.0])
 def test_two_arms_peel_apart_at_a_t(stretching: float) -> None:
     """G = 2 F + F^2 / EA, the work of both arms less what they store."""

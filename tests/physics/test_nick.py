@@ -53,6 +53,7 @@ def test_force_and_stress_are_those_of_the_library_s_tear(law: Law, at: float, s
         assert held.worst_stress().station == at
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("span", [50.8, 200.0])  # elements that are thick, and thin
 def test_the_tangent_is_the_energy_s_second_derivative(law: Law, span: float) -> None:

@@ -161,6 +161,7 @@ def test_what_a_wall_loses_until_it_has_relaxed_is_viscous_by_any_law(law: Law) 
     assert energy.stored == pytest.approx((1.0 - lost) * work, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [Linear(shear=True), Exponential(4.0)], ids=str)
 def test_a_duct_pulled_off_its_bed_while_all_relaxes_keeps_its_energy_balance(law: Law) -> None:
     """In equilibria to 2e-5 and in real time to 1e-4 of the work; both find the same forces."""

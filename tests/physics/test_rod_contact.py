@@ -48,6 +48,7 @@ def indentation_force(depth: float, apart: float) -> float:
     return 2.0 * stiffness * near * (apart * math.asinh(half / near) - half)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [0.1, 0.3, 0.6, 1.0, 1.4])
 def test_a_rod_pressed_on_a_rigid_duct(depth: float) -> None:
     live = on_rod(made(40.0, 400, [1e6, 1e6, 1e8], radius=2.0), 20.0, 3.1, 1.0)
@@ -71,6 +72,7 @@ def test_a_rod_pressed_on_a_clamped_duct(force: float) -> None:
     assert live.rod_force(0)[2] == pytest.approx(-force, rel=6e-3)
 
 
+@pytest.mark.slow
 def test_a_beam_over_a_round_post() -> None:
     """Two tangents and an arc, frictionless: the tension is even, T/a = K (D - a) on the arc."""
     span, axial, high, apart = 80.0, 5.0, 25.0, 5.0
@@ -119,6 +121,7 @@ THIN = Beam.round(span=40.0, diameter=1.2, modulus=1.0)
 LAYER = Bed(strands=100, stiffness=0.09, toughness=0.27, floor=0.3, slack=1.0, seed=7)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     st.sampled_from([DUCT, THIN]),

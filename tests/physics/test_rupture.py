@@ -75,6 +75,7 @@ def test_string_has_no_side_to_tear_first() -> None:
     assert check.station == 25.4
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(
     st.sampled_from(TESTED),
@@ -103,6 +104,7 @@ def test_break_event_is_the_root_of_the_criterion(
     ).deflection == pytest.approx(event.deflection, rel=near)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(st.sampled_from(TESTED), st.floats(2.0, 48.0), st.floats(0.01, 50.0))
 def test_calibrated_threshold_breaks_at_its_force(name: str, grasp: float, force: float) -> None:

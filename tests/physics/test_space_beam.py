@@ -58,6 +58,7 @@ def deformed(seed: int, law: NeoHooke | Exponential | None = None) -> BeamOnBed:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [k.FROZEN, k.INCREMENTAL])
 @pytest.mark.parametrize(
     ("seed", "thin", "law"),
@@ -222,6 +223,7 @@ def space_break(
     return float(held.hand_force(node)[2]), high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beam", [DUCT, TUBE])
 @pytest.mark.parametrize("place", [0.5, 0.3])
 @pytest.mark.parametrize(

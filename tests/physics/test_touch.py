@@ -104,6 +104,7 @@ def pressed(seed: int, *, tied: bool) -> BeamOnBed:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [k.FROZEN, k.INCREMENTAL])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_gradient_and_tangent_are_the_energy_s_differences(kind: int, seed: int) -> None:
@@ -129,6 +130,7 @@ def test_tubes_press_each_other_with_equal_forces_on_one_line(seed: int) -> None
     assert np.abs(np.cross(state.x, force).sum(axis=0)).max() < 1e-9 * most
 
 
+@pytest.mark.slow
 def test_tubes_that_press_each_other_are_in_balance_and_mirror_each_other() -> None:
     """Off their middles, and the mirror image across x: the same, and pins bear the whole load."""
     made: list[BeamOnBed] = []
@@ -150,6 +152,7 @@ def test_tubes_that_press_each_other_are_in_balance_and_mirror_each_other() -> N
     assert held == pytest.approx([-0.02, -0.01, 0.3], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*ANATOMIES, 1, 2, 3, 4, 5, 6, 7])
 def test_nothing_touches_at_rest(name: str | int) -> None:
     """Shipped anatomies and drawn cases stand as they do where tubes pass through each other."""

@@ -28,6 +28,7 @@ def pull(force: float) -> Hold:
     return Hold("force", force)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("place", [5.0, 19.0, 25.4])
 def test_a_slack_second_hook_is_none(law: Law, place: float) -> None:

@@ -86,6 +86,7 @@ def torn_in_space(
     return chord, lost
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [30, pytest.param(300, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("law", "strength", "may_lose"), LAWS)
 def test_a_pull_in_space_tears_every_duct_before_it_is_stretched_as_far_as_a_straight_one(
@@ -100,6 +101,7 @@ def test_a_pull_in_space_tears_every_duct_before_it_is_stretched_as_far_as_a_str
         assert lost <= may_lose
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [10, pytest.param(300, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("law", "strength", "may_lose"), LAWS)
 def test_a_pull_in_the_plane_tears_every_duct_too(
