@@ -12,21 +12,25 @@ from app.simulation.runs.run_file import HANDS
 from app.simulation.tissue.instruments import JAW_RADIUS, MOST_OPENING
 from app.simulation.tissue.spatial_tissue import SpatialTissue
 
-NEAR_MM, REACH_MM = 2.0, 3.0
-"""Strands within the first of a station are looked at. Jaws are to open farther than what they part
-by the second: strands lean."""
+NEAR_MM = 2.0
+"""Strands within this distance of a station are taken together, mm."""
+REACH_MM = 3.0
+"""How much farther than the strands jaws are to open, mm: strands lean."""
 LEAST_MM, OPEN_MM = 0.5, 1.0
-"""mm by which a tip is worth being called off its place, and from which on jaws are open."""
+"""A tip farther than the first from its place is not there; jaws farther apart than the second are
+open; mm."""
 SHORT_MM = 1.0
-"""mm by which open jaws are short of what holds: closed ones were led past it."""
-STEP_MM, LIFT_MM = 2.0, 2.5
-"""How far the front runs from a hold before the next one; how high a duct is held up."""
+"""Open jaws that end this far before the strands do not reach them, mm."""
+STEP_MM = 2.0
+"""How far the front may run from a hold before the next hold, mm."""
+LIFT_MM = 2.5
+"""How high a duct is held up, mm."""
 BESIDE_MM = 3.5, 5.5
 """How far from a scar closed jaws are best opened, mm: nearer, some of it lies between them."""
 CLEAR_MM = JAW_RADIUS + 1.0, 5.5
 """The same from strands that hold, which lean, at the jaws' height."""
 NEAR_BREAK = 0.5
-"""Of the break, past which one lifts half as fast."""
+"""Part of the break above which one lifts half as fast."""
 
 
 class Move(NamedTuple):

@@ -22,9 +22,9 @@ Floats = NDArray[np.float64]
 BLADES_MM = 15.0
 """Length of the blades, as they are drawn."""
 LEAST_SINE = 0.5
-"""Of the angle between a tube and the blades' plane, below which they push it aside."""
+"""Least sine of the angle between a tube and the blades' plane: below, they push it aside."""
 DENTED = 0.1
-"""Of a tube's width, up to which blades that touch it only push its wall aside."""
+"""Part of a tube's width that blades may overlap and only push its wall aside."""
 
 
 class Between(NamedTuple):

@@ -48,31 +48,41 @@ Floats = NDArray[np.float64]
 PAST_MM = 1.5
 """How far jaws are led past a tube that they close."""
 SITES_MM = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
-"""From a tear: of these sites that is asked for which is clearest of other tubes."""
+"""Places for a clip, mm from a tear; the one that is clearest of other tubes is asked for."""
 LEAST_MM, MOST_MM = 0.5, 10.0
-"""From a tear, within which a clip before it is well placed."""
-SPACE_MM, ASIDE_MM = 3.0, (0.0, -0.8, 0.8)
-"""Between the places of a structure's clips and its division, and how far off each that may be."""
+"""Least and largest distance of a well placed clip from a tear, mm."""
+SPACE_MM = 3.0
+"""Distance between neighbours of a structure's clips and its division, mm."""
+ASIDE_MM = (0.0, -0.8, 0.8)
+"""Shifts along the tube of each of these places that are tried, mm."""
 NECK_MM = 2.0
-"""By which the first place is further from the gallbladder, whose neck lies in front of a tube."""
-MOST_FURTHER_MM, HELD_MM = 6, 2.0
-"""mm by which all places may be further still, where less holds the tube; and from a place, within
-which strands leave jaws no room."""
+"""Extra distance of the first place from the gallbladder, whose neck hides the tube, mm."""
+MOST_FURTHER_MM = 6
+"""Most that all places move away from the gallbladder, to where fewer strands hold the tube, mm."""
+HELD_MM = 2.0
+"""Strands that hold the tube within this distance of a place leave jaws no room, mm."""
 SLIDES_MM = 4.0
-"""mm along a tube, up to which jaws about it are led to their place; farther, they come anew."""
+"""Jaws around a tube slide along it to a place up to this far away, mm; else they approach anew."""
 COMES_MM = 8.0
-"""mm off a place, from which on jaws may push the tube there away."""
+"""Jaws that are nearer to a place than this may push its tube away, mm."""
 PER_MM = 10.0
-"""Strands for which a mm counts by which a jaw would have to push another tube aside."""
-SHIFTS_MM, MOST_IN_VAIN, SPACE_APART_MM = (0.0, 1.5, -1.5, 3.0, -3.0), 2, 1.2
-"""mm by which a place is shifted, one after the other, once jaws have come there so often that
-could not close; and off clips and ends that stays."""
-CANNOT_AFTER, OUT_FIRST_MM = 4, 12.0
-"""How often jaws may come that cannot close until tubes are to lie otherwise; and mm by which they
-are drawn out before that."""
-NEAR_MM, APART_MM, CLIPS_APART_MM = 1.5, 0.7, 1.6
-"""mm from its place, up to which jaws are well placed; and from a clip, from which on scissors are,
-and another clip, between which and the first there is room for scissors."""
+"""Cost of a mm that a jaw must push another tube aside, as a number of strands."""
+SHIFTS_MM = (0.0, 1.5, -1.5, 3.0, -3.0)
+"""Shifts of a place along its tube, mm, taken in turn where jaws cannot close."""
+MOST_IN_VAIN = 2
+"""Attempts at one place before the next shift."""
+SPACE_APART_MM = 1.2
+"""Least distance of a shifted place from clips and from the tube's ends, mm."""
+CANNOT_AFTER = 4
+"""Attempts that fail before the left hand is asked to draw the tubes elsewhere."""
+OUT_FIRST_MM = 12.0
+"""How far jaws are drawn out before that, mm."""
+NEAR_MM = 1.5
+"""Jaws within this distance of their place are well placed, mm."""
+APART_MM = 0.7
+"""Least distance of scissors from a clip, mm."""
+CLIPS_APART_MM = 1.6
+"""Least distance between two clips that scissors go between, mm."""
 
 
 class Bleeding(NamedTuple):

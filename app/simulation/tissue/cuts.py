@@ -17,15 +17,17 @@ from physics.bed import BeamOnBed
 Floats = NDArray[np.float64]
 
 IN_FRONT_MM = 12.0
-"""From where they cut to where blades are turned, in front of the tissue."""
+"""Distance in front of a cut at which blades are turned, mm."""
 FROM_FRONT_MM = 60.0
-"""Along their shaft, that is free of walls."""
+"""Length of the scissors' shaft that must be clear of walls, mm."""
 PAST_MM = (1.0, 3.0, 5.0)
-"""By which their tips go past the middle of a strand."""
+"""Distances of the blades' tips past the middle of a strand that are tried, mm."""
 SPREADS = tuple(np.linspace(0.0, np.pi, 8, endpoint=False).tolist())
-"""rad, in which their blades may part, seen from the front."""
-MOST_ANCHORS, MOST_LOOKED_AT = 10, 80
-"""Strands of which places are taken, and places of which walls are looked at, the best first."""
+"""Directions in which the blades may open, seen from the front, rad."""
+MOST_ANCHORS = 10
+"""Most strands at which a cut is tried."""
+MOST_LOOKED_AT = 80
+"""Most cuts, the best first, that are checked against walls."""
 
 
 class Cut(NamedTuple):

@@ -35,13 +35,13 @@ from app.simulation.tissue.safety import Safety
 Floats = NDArray[np.float64]
 
 MOST_FAILED = 2
-"""How often few strands may part for one part of the view until another is asked for."""
+"""Failed attempts at one part of the view before another part is asked for."""
 FIRMER_AFTER = 2
-"""How often little parts, one time after the other, until walls may be strained more."""
+"""Failed attempts in a row before walls may be strained more."""
 MOVED_MM = 0.05
-"""Between two judgements, from which on a hand has moved."""
+"""A hand that goes farther than this between two judgements has moved, mm."""
 LONGEST = 20
-"""Judgements for which one hand is asked to slacken a wall until the other is: some 10 s."""
+"""Judgements after which the other hand is asked to slacken a wall instead: some 10 s."""
 
 
 class Guidance:

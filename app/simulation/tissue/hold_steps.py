@@ -36,24 +36,28 @@ Floats = NDArray[np.float64]
 
 LEFT = 0
 """Number of the hand that holds."""
-SLACK_MM, NECK_MM, BODY_MM = 4.0, 8.0, (20.0, 16.0, 24.0)
-"""mm from the gallbladder's neck, where it is held to be drawn towards the common duct, where for
-jaws to close on a tube, and where to be drawn off the liver, one after the other."""
+# Where the gallbladder is held, mm from its neck.
+SLACK_MM = 4.0
+"""To draw it towards the common duct."""
+NECK_MM = 8.0
+"""To make room for jaws that close on a tube."""
+BODY_MM = (20.0, 16.0, 24.0)
+"""To draw it off the liver; tried in this order."""
 STAGES, STAGE_MM = 3, 3.0
-"""In which it is drawn, and mm of each."""
+"""It is drawn in so many stages of so many mm."""
 MOST_TRIES = 3
-"""Places that jaws have been at, after which the gallbladder is drawn otherwise."""
+"""Places that jaws try before the gallbladder is drawn in another direction."""
 GIVES_WAY = 15
-"""Strands that part, from which on it is drawn no further: more may part at once, and a vessel take
-the pull over."""
+"""It is drawn no further once so many strands part: if more did, a vessel might take the pull."""
 BACK_MM = 6.0
-"""mm off where it was taken hold of, to which the gallbladder is let back once `ONE_POINT` of its
-plate has parted: as the rest gives way, artery and duct take the pull over."""
+"""How far the gallbladder stays drawn once `ONE_POINT` of its plate has parted, mm. It is let back
+then, since artery and duct take over the pull of the strands that part."""
 EASES_MM = 3.0
-"""By which what is held is let back at a time."""
-IS_BACK_MM, NEARLY_TORN = 1.0, 0.85
-"""mm off where it was taken hold of, within which what is held has been let back; and of a wall's
-break, from which on it is let go instead: let back, it may bend, and that strains a wall more."""
+"""How far the hold is let back at a time, mm."""
+IS_BACK_MM = 1.0
+"""Within this distance of where it was taken, the hold has been let back, mm."""
+NEARLY_TORN = 0.85
+"""Part of a wall's break above which the hold is let go: led back, it could bend the wall more."""
 
 
 class Pull(NamedTuple):
@@ -68,7 +72,7 @@ OFF_THE_LIVER = Pull(DRAW_OFF, (-0.89, 0.32, -0.33), 0.35)
 TO_COMMON = Pull(DRAW_DOWN, (-0.71, -0.64, 0.3), 0.85)
 ASIDE = Pull(DRAW_ASIDE, (0.1, 0.74, 0.67), 0.85)
 FOR_CLOSING = (ASIDE, OFF_THE_LIVER, TO_COMMON)
-"""One after the other, where jaws that are to close on a tube cannot: it draws tubes apart."""
+"""Pulls that are tried in this order to draw tubes apart, where jaws cannot close on one."""
 
 
 @dataclass(slots=True)

@@ -50,42 +50,51 @@ Floats = NDArray[np.float64]
 RIGHT = 1
 """Number of the hand that has jaws."""
 PUSHES_N = 0.1
-"""Force from which on a hand can be what strains a wall."""
+"""Least force of a hand that can strain a wall, N."""
 FEW = 5
-"""How few strands are few."""
+"""Jaws that have parted no more strands than this have parted few."""
 MOST_STRAINED = 1
-"""How often a wall may be too taut at a place."""
+"""How often a wall may be too taut at a place before another place is tried."""
 GRIPS_AT = 0.9
-"""Of the pull at which tissue slips out of a grasper, from which on that pulls no harder, and jaws
-part no further: they would push what it holds out of it, or all that still holds off at once."""
-IN_RING_MM, LEFT_MM, OUT_MM, FAR_MM = 2.0, 5.0, 8.0, 40.0
-"""mm off a ring's middle, within which a tip is in it, from which on it has left it, from which on
-in front of it jaws that have parted tissue there are out of that, and from which on anywhere."""
+"""Part of the pull at which tissue slips out of the grasper. Above it the grasper pulls no harder
+and jaws open no wider: else the tissue slips, or all strands part at once."""
+# Distances of a tip from the ring's middle, mm.
+IN_RING_MM = 2.0
+"""Up to this a tip is in the ring."""
+LEFT_MM = 5.0
+"""From this on it has left the ring."""
+OUT_MM = 8.0
+"""From this on, towards the viewer, jaws are out of the tissue that they have parted."""
+FAR_MM = 40.0
+"""From this on, in any direction, they are out of it too."""
 TURNED = math.radians(20.0)
-"""Off a ring's bar, within which jaws lie along it."""
+"""Jaws within this angle of the ring's bar lie along it, rad."""
 LEAST_ACROSS = 0.2
-"""Of a direction, across a shaft: along a shaft jaws part nothing, however they are turned."""
-DEEPER_MM, CLEAR_MM = 3.0, 1.5
-"""By which a bent tip that is drawn out and lifts a wall goes deeper again, and then along itself
-beyond that."""
-LEAVES_MM, LEAVES_FOR = (3.0, 5.0, 8.0, 12.0), 4
-"""By which bent jaws may go to leave a wall, to the front, deeper, or back or on along the tip; and
-the judgements for which they are asked to while a wall stays strained."""
+"""Least part of a direction that is across the shaft: jaws part nothing along their shaft."""
+DEEPER_MM = 3.0
+"""How much deeper a bent tip goes again that lifts a wall as it is drawn out, mm."""
+CLEAR_MM = 1.5
+"""How far it then goes along itself past the wall, mm."""
+LEAVES_MM = (3.0, 5.0, 8.0, 12.0)
+"""Distances that are tried to lead bent jaws off a wall, mm, in each of the `DIRECTIONS`."""
+LEAVES_FOR = 4
+"""Judgements for which this is asked while a wall stays strained."""
 DIRECTIONS = 4
-"""To the front, deeper, back and on: once open jaws were led in all of them, they are closed."""
-NEEDS_MM, COSTS = 1.0, 0.1
-"""How far open jaws are to be off a wall before they close, and what each mm of the way there
-counts for against that."""
+"""To the front, deeper, and back or on along the tip. Jaws that were led in all are closed."""
+NEEDS_MM = 1.0
+"""Distance of open jaws from a wall at which they may close, mm."""
+COSTS = 0.1
+"""What a mm of the path there costs, in mm of that distance."""
 MOST_STUCK = 10
-"""Judgements for which jaws that close are drawn back from a wall until what is held is let go."""
+"""Judgements for which closing jaws are drawn back from a wall before the hold is let go."""
 MOST_GENTLE = 4
-"""How often a wall may be too taut until it may be strained more: jaws could not be drawn out."""
+"""How often a wall may be too taut before it may be strained more, so that jaws come out."""
 MOST_BLOCKED = 1
-"""How often a tip may be led somewhere and not come there."""
+"""How often a tip may fail to reach a place before another is tried."""
 MOVES_MM = 0.2
-"""By which jaws part between two judgements while they open."""
+"""Jaws that part by more than this between two judgements are still opening, mm."""
 MOST_LED_OFF = 3
-"""How often open jaws are led off what runs through between them before they are to close."""
+"""How often open jaws are led off a tube between them before they are asked to close."""
 
 State = Literal[
     "to come", "beside", "sweeping", "opening", "to close", "closing", "pinched",

@@ -33,23 +33,30 @@ from app.simulation.tissue.safety import Safety
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-NEAR_MM, LEAST_ROOM_MM, ROOM_MM, PAST_MM = 4.0, 0.5, 3.0, 2.0
-"""mm within which strands are parted at once; from a wall, from which on jaws have room and beyond
-which they need no more; and of a tip behind the strands."""
-AGAIN, FORGOTTEN = 0.3, 60
-"""Weight of a place where jaws have been; and strands that part until it has its whole weight
-again."""
+NEAR_MM = 4.0
+"""Strands within this distance are parted at once, mm."""
+LEAST_ROOM_MM, ROOM_MM = 0.5, 3.0
+"""Distance from a wall at which jaws have room, and beyond which more is no better, mm."""
+PAST_MM = 2.0
+"""How far a tip goes past the strands, mm."""
+AGAIN = 0.3
+"""Weight of a place where jaws have been already."""
+FORGOTTEN = 60
+"""Strands that part elsewhere before such a place has its whole weight again."""
 NECK_ONLY = 0.9
-"""Of what entering tubes lack, what leads to the cystic duct, from which on a dissector does it."""
+"""Part of the strands at entering tubes that lie at the cystic duct's neck, above which a dissector
+parts them there."""
 OFF_DUCT, PAST_DUCT_MM = 0.35, 2.5
-"""Where its jaws part those, as a part of the way from the duct, and mm behind it: of some 1,700
-openings that were tried in the physics, those that parted most (docs/scope.md)."""
+"""Where jaws part those: a fraction of the distance from the duct, and mm behind it. Of some 1,700
+openings tried in the physics these parted most (docs/scope.md)."""
 DUCT_MM = 4.0
-"""mm of the cystic duct at the neck, that say which way it runs."""
-CUT_AFTER, CUT_LEAST = 2, 5
-"""How often little parts between two tubes until scissors cut it, and strands that they cut."""
+"""Length of the cystic duct at the neck over which its direction is taken, mm."""
+CUT_AFTER = 2
+"""Failed attempts between two tubes before scissors are asked for."""
+CUT_LEAST = 5
+"""Least strands that are worth a cut."""
 LEFT_OVER = 0.25
-"""Of the strands near a place, up to which nothing is left to part there."""
+"""Part of the strands near a place that may stay: with no more, nothing is left to part there."""
 
 
 class Spread(NamedTuple):
@@ -71,13 +78,14 @@ AT_NECK = (
     Spread(0.7, 45.0), Sweep(0.7, 4.5, True), Spread(0.4, 45.0), Sweep(0.7, 5.0, False),
     Spread(0.85, 45.0), Sweep(0.5, 3.0, True), Spread(0.7, 0.0), Spread(0.4, 0.0),
 )  # fmt: skip
-"""What is tried in turn, while little parts."""
+"""What is tried at the neck, in this order, while few strands part."""
 PASSES_AFTER = 3
-"""Passes of a right angle that are tried then, before those again."""
+"""Passes of a right angle that are tried after these, before the first again."""
 SWEEP_BEFORE_MM, SWEEP_PAST_MM = 4.0, 2.0
-"""mm before and past what is swept."""
+"""How far before the strands a sweep begins, and how far past them it ends, mm."""
 MOST_PUSHED_MM = 3.0
-"""mm by which a dissector at the neck may push the gallbladder aside: a grasper loses it else."""
+"""Most that a dissector at the neck may push the gallbladder aside, mm: beyond, the grasper loses
+it."""
 
 
 class Site(NamedTuple):

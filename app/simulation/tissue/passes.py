@@ -25,31 +25,44 @@ from physics.bed import BeamOnBed
 Floats = NDArray[np.float64]
 
 JAW_MM, RADIUS_MM = LENGTH["right angle"], RADIUS["right angle"]
-HALF_MM, NEAR_MM, BEYOND_MM = 10.0, 0.5, 1.0
-"""mm that a jaw parts by at most; and from the rectangle, to its front or back and beyond its end,
-within which strands are parted, too."""
-BESIDE_MM, IN_FRONT_MM = 6.0, 60.0
-"""mm from where jaws part back to where a tip comes from the front, and from how far it does."""
+HALF_MM = 10.0
+"""Most that one jaw opens from the middle, mm."""
+NEAR_MM, BEYOND_MM = 0.5, 1.0
+"""Jaws that open sweep a rectangle. They also part strands so far in front of it or behind it, and
+so far beyond its end, mm."""
+BESIDE_MM = 6.0
+"""How far back along the tip from the place of a pass it comes down, mm."""
+IN_FRONT_MM = 60.0
+"""How far in front of the tissue it comes from, mm."""
 MANY = 120
-"""Lacking strands, from which on all count that jaws cross; of fewer, how likely they part."""
+"""With so many strands left, all that jaws cross count alike; with fewer, each by how likely it
+parts."""
 BETWEEN = 0.35
-"""How likely a strand between two tubes parts, over one to the bed."""
+"""How likely a strand between two tubes parts, relative to one from a tube to the bed."""
 BED_BEHIND_MM, TUBE_BEHIND_MM = 0.7, 2.0
-"""mm that a strand's end is behind the jaws, from which on it is likeliest to part."""
-SLIPS_OFF_MM, TAPERS_MM, ASIDE_MM = 1.5, 6.0, 4.0
-"""mm beyond a tip's end, before the end of its jaws and before how far they part, over which fewer
-and fewer strands part: of 9,396 in reach of 660 passes that were tried, in eleven states."""
+"""A strand whose end is at least this far behind the jaws is likeliest to part, mm: one to the
+bed, and one between tubes."""
+# Lengths over which a strand gets less likely to part, mm. From 9,396 strands in reach of 660
+# passes that were tried in eleven states.
+SLIPS_OFF_MM = 1.5
+"""Beyond the tip's end."""
+TAPERS_MM = 6.0
+"""Before the end of the jaws."""
+ASIDE_MM = 4.0
+"""Before the farthest that they open."""
 STEP_MM = 0.7
-"""Between the points of an axis, that a tip keeps off."""
+"""Distance between the points of an axis at which a tip's clearance is checked, mm."""
 PUSHED_MM, CLEAR_MM = -1.0, -0.6
-"""mm off a wall, where a tip has to push it aside too far, and from which on it passes well."""
+"""Clearances from a wall, mm: below the first a tip pushes it too far, from the second on it passes
+freely."""
 SAME_MM, ALIKE = 2.0, 0.9
-"""mm and cosine between two passes, within which they are the same."""
-AGAIN, LEAST, FORGOTTEN = 0.6, 0.05, 60
-"""Weight of a pass that has parted all that crossed it, and of one that has parted nothing; and
-strands that part until it has its whole weight again."""
+"""Two passes no farther apart than this, mm, and at least so parallel, as a cosine, are one."""
+AGAIN, LEAST = 0.6, 0.05
+"""Weights of a pass that has parted all strands that crossed it, and of one that parted none."""
+FORGOTTEN = 60
+"""Strands that part elsewhere before a pass has its whole weight again."""
 VARIED_WEIGHT = 0.5
-"""Weight of what is beside one of the `PASSES`."""
+"""Weight of a pass that is shifted or turned from one of the `PASSES`."""
 
 
 class Pass(NamedTuple):
@@ -89,7 +102,7 @@ VARIED = tuple(
     for each in PASSES
     for front, turn in ((2.5, 0.0), (-2.5, 0.0), (0.0, 30.0), (0.0, -30.0))
 )
-"""Beside those, for what they leave."""
+"""The same shifted and turned, for strands that those leave."""
 
 
 class Tip(NamedTuple):

@@ -32,12 +32,12 @@ Mask = NDArray[np.bool_]
 STRUCTURE_MM = 6.0
 """Length of each structure, next to the gallbladder, that must be free all round."""
 MARGIN_MM = 2.0
-"""mm by which the triangle of the axes is wider."""
+"""How far the triangle reaches beyond that of the tubes' axes, mm."""
 COVERED = 1.0 / 3.0
 """Of the cystic duct's length, next to the common duct, whose tissue may stay: the view does not
 ask for the common duct to be exposed [Strasberg & Brunt 2010]."""
 HILUM = 0.9
-"""Of the common duct's length, where the triangle ends."""
+"""Where the triangle ends, as a fraction of the common duct's length."""
 BIN_MM = 1.0
 ALONG_MM = 10.0
 """Length of duct, to either side of the junction, over which its direction is taken."""
