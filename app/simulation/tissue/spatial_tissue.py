@@ -18,7 +18,7 @@ from app.bed_preset import BedPreset, named_or_whole
 from app.relaxation_preset import Prony
 from app.simulation.exercises.exercise import Exercise
 from app.simulation.inputs.clock import TICK_SECONDS
-from app.simulation.inputs.hand import MEAN_PULL, Hand, follow
+from app.simulation.inputs.hand import MEAN_PULL, Hand
 from app.simulation.inputs.inputs import (
     ALL_INSTRUMENTS,
     HOLDING,
@@ -67,10 +67,9 @@ from app.simulation.tissue.lens import Lens
 from app.simulation.tissue.reached_tube import fine_axis, jaws_on_wall
 from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.tissue.sight import STEADY, STEADY_MM, TOWARDS_VIEWER
-from kernel_cache import SameTypes, kernel
+from app.simulation.tissue.tissue_tick import RATIO, STEP_NUMBERS, SUM_FORCES, TISSUE_TICK, WORST
 from physics import DEEPEST, NoEquilibrium, RuptureCheck
-from physics.bed import BeamOnBed, Network, WorstStress, kernels, step_numbers
-from physics.bed.kernels.state import copy_rows
+from physics.bed import BeamOnBed, Network, WorstStress
 
 Floats = NDArray[np.float64]
 EventKind = Literal["nick", "tear", "bleeding", "leak", "stanched", "clip", "division"]
@@ -784,7 +783,7 @@ class SpatialTissue:
         a, b = self.hands
         if self._arguments is None:
             self._arguments = self._arguments_now()
-        if not _STEP((jaw_offset(a), jaw_offset(b)), *self._arguments):
+        if not TISSUE_TICK((jaw_offset(a), jaw_offset(b)), *self._arguments):
             raise NoEquilibrium("the beam is lost: no step makes its energy less")
 
     def _arguments_now(self) -> tuple[Any, ...]:
@@ -793,7 +792,7 @@ class SpatialTissue:
         self._stations = [beam.stations_of(name).tolist() for name in self.tubes.names]
         return (
             beam.state, (a.place, b.place), (a.speed, b.speed), (a.target, b.target),
-            self._nodes(), self.rod_counts, (a.spread, b.spread), self._before, _NUMBERS,
+            self._nodes(), self.rod_counts, (a.spread, b.spread), self._before, STEP_NUMBERS,
             beam.walls, beam.first_elements, np.array(self.strengths), self._stresses, self._found,
         )  # fmt: skip
 
@@ -1174,7 +1173,7 @@ class SpatialTissue:
         # three numbers.
         if self._forces is None:
             state, out = self.beam.state, np.empty((HANDS, 3))
-            _FORCES(self._nodes(), self.rod_counts, state.react, state.load, state.pull, out)
+            SUM_FORCES(self._nodes(), self.rod_counts, state.react, state.load, state.pull, out)
             forces: list[list[float]] = out.tolist()
             self._forces = forces
         return self._forces
@@ -1231,74 +1230,6 @@ def _with_free_end(network: Network) -> Network:
     return replace(network, tubes={**network.tubes, name: free})
 
 
-Both = tuple[Floats, Floats]
-WORST, RATIO = 1 + HANDS, 4
-"""Of what a tick finds the first row of the walls' worst stresses, as `kernels.worst_stresses` has
-them, and the column of their share of the strength. Before these: how far the node moved that moved
-farthest, mm, and how many strands have parted; and the force of each hand, N."""
-
-
-@kernel()
-def _lead(
-    place: Both, speed: Both, target: Both, node: tuple[int, int], rods: tuple[int, int],
-    apart: tuple[float, float], spread: tuple[Vector, Vector], goal: Floats, rods_to: Floats,
-) -> None:  # fmt: skip
-    """Move both tips for a tick, and what they lead: a node that is held, rods so far off."""
-    for hand in range(HANDS):
-        follow(place[hand], speed[hand], target[hand])
-        for r in range(3):
-            if node[hand] >= 0:
-                goal[node[hand], r] = place[hand][r]
-            offset = apart[hand] * spread[hand][r]
-            if rods[hand] > 0:
-                rods_to[2 * hand, r] = place[hand][r] - offset
-            if rods[hand] > 1:
-                rods_to[2 * hand + 1, r] = place[hand][r] + offset
-
-
-@kernel()
-def _sum_forces(
-    node: tuple[int, int], rods: tuple[int, int], react: Floats, load: Floats, pull: Floats,
-    out: Floats,
-) -> None:  # fmt: skip
-    """Write the force of each hand, N: on the node that it holds, and on its rods."""
-    for hand in range(HANDS):
-        for r in range(3):
-            out[hand, r] = react[node[hand], r] + load[node[hand], r] if node[hand] >= 0 else 0.0
-            for rod in range(2 * hand, 2 * hand + rods[hand]):
-                out[hand, r] += pull[rod, r]
-
-
-@kernel(error_model="numpy", nogil=True)
-def _step(
-    apart: tuple[float, float], s: kernels.State, place: Both, speed: Both, target: Both,
-    node: tuple[int, int], rods: tuple[int, int], spread: tuple[Vector, Vector], before: Floats,
-    numbers: Vector, walls: Floats, firsts: NDArray[np.int64], strengths: Floats,
-    stresses: Floats, found: Floats,
-) -> bool:  # fmt: skip
-    """Do a tick, and write what it finds; False if no tangent is definite."""
-    # All in one call: between two of them Python does little else than to hand arrays over.
-    _lead(place, speed, target, node, rods, apart, spread, s.goal_to, s.rods_to)
-    copy_rows(before, s.x)
-    if not kernels.tick(s, int(SUBSTEPS), numbers[0], numbers[1], numbers[2]):
-        return False
-    farthest, parted = 0.0, 0
-    for n in range(s.x.shape[0]):
-        for r in range(3):
-            farthest = max(farthest, abs(s.x[n, r] - before[n, r]))
-    for i in range(s.damage.shape[0]):
-        parted += s.damage[i] >= 1.0
-    found[0, 0], found[0, 1] = farthest, parted
-    _sum_forces(node, rods, s.react, s.load, s.pull, found[1:WORST])
-    kernels.nominal_stresses(s.section, walls, stresses)
-    kernels.worst_stresses(stresses, firsts, found[WORST:])
-    for tube in range(strengths.size):
-        row = found[WORST + tube]
-        bending = math.sqrt(row[2] * row[2] + row[3] * row[3])
-        row[RATIO] = (row[1] + bending) / strengths[tube]
-    return True
-
-
 def _moved(before: tuple[float, ...], now: tuple[float, ...]) -> bool:
     """Return whether a camera has left its place, or a scope's is turned about its own axis."""
     if len(before) != len(now):
@@ -1311,7 +1242,3 @@ def _moved(before: tuple[float, ...], now: tuple[float, ...]) -> bool:
 def _vector(values: list[float]) -> Vector:
     x, y, z = values
     return x, y, z
-
-
-_STEP, _FORCES = SameTypes(_step), SameTypes(_sum_forces)
-_NUMBERS = step_numbers(TICK_SECONDS / SUBSTEPS)
