@@ -94,11 +94,6 @@ _NOISE_KERNEL = np.array([1.0, 6.0, 1.0]) / 8.0
 _erf = np.vectorize(math.erf, otypes=[np.float64])
 
 
-def section_stations() -> NDArray[np.float64]:
-    """Return the (S,) stations of the images, mm: the first 0, the last the span."""
-    return SLICE_SPACING * np.arange(SECTION_COUNT, dtype=np.float64)
-
-
 def outer_half_axes(stations: ArrayLike) -> NDArray[np.float64]:
     """Return the true half-axes of the outer edge, an ellipse about the axis.
 

@@ -122,11 +122,6 @@ class Flow:
         self._clipped[self._bed.elements_of(tube).start + element] = True
         return element
 
-    def take_off(self, station: float, tube: str) -> None:
-        """Take a clip off."""
-        first = self._bed.elements_of(tube).start
-        self._clipped[first + self._bed.element_at(station, tube)] = False
-
     def nick(self, station: float, tube: str, radius: float, wall: float) -> None:
         """Make a hole in a tube at a station, or widen it: its radius, the wall's thickness, mm."""
         a, w = positive(radius, "radius of a nick", "mm"), finite(wall, "wall of a nick", "mm")
