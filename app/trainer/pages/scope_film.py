@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Generator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -35,7 +35,6 @@ HIDDEN = (
 READY = "() => document.documentElement.classList.add('bd-ready')"
 """Uncovers a page, which for its first 15 s would be covered until something is laid over it."""
 DRAWN = "() => [bluntdissectScope.picture.state.frames, bluntdissectScope.picture.drawn]"
-PATIENCE_MS = 8000.0
 SOFTWARE = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 NO_BROWSER = (
     "a film is drawn by a browser, and none could be started: pip install 'bluntdissect[film]', "
@@ -101,13 +100,11 @@ def filmed(replay: Replay, held: HeldScope, size: tuple[int, int]) -> Generator[
 
             def take() -> Dots:
                 before = page.evaluate(DRAWN)
-                draw_tissue(picture, tissue, held)
-                with suppress(Error):  # where nothing has moved, nothing is sent
+                if draw_tissue(picture, tissue, held):
                     page.wait_for_function(
                         "([n, m]) => bluntdissectScope.picture.state.frames > n"
                         " && bluntdissectScope.picture.drawn > m",
                         arg=before,
-                        timeout=PATIENCE_MS,
                     )
                 shot = np.frombuffer(page.screenshot(), np.uint8)
                 return np.asarray(cv2.imdecode(shot, cv2.IMREAD_COLOR), dtype=np.uint8)

@@ -36,8 +36,8 @@ def picture_of(
     )  # fmt: skip
 
 
-def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, held: HeldScope) -> None:
-    """Send a tissue as it is now, seen through a scope as that is held."""
+def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, held: HeldScope) -> bool:
+    """Send a tissue as it is now, seen through a scope as that is held; return if it differs."""
     torn = [(tube, each) for tube, each in enumerate(tissue.torn_elements) if each >= 0]
     torn += [(tube, math.floor(at)) for tube, at in _at_events(tissue, "division")]
     frame = Frame(
@@ -58,7 +58,7 @@ def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, held: HeldScope) -
         ],
         soil=tissue.lens.soil,
     )
-    picture.send(tissue.beam, frame, held.scope.angle)
+    return picture.send(tissue.beam, frame, held.scope.angle)
 
 
 def _hand(tissue: SpatialTissue, number: int) -> DrawnHand:

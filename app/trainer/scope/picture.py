@@ -153,10 +153,16 @@ class ScopePicture:
         files = [PAGE / f"{name}.js" for name in SCRIPTS]
         run_picture(scene, files, "bluntdissectScope.show", NODE, given, shaders)
 
-    def send(self, bed: BeamOnBed, frame: Frame, angle: float) -> None:
-        """Send a frame as a scope of an angle, rad, sees it, if it differs from the last."""
+    def send(self, bed: BeamOnBed, frame: Frame, angle: float) -> bool:
+        """Send a frame as a scope of an angle, rad, sees it, if it differs from the last one.
+
+        Returns
+        -------
+        bool
+            Whether it did.
+        """
         self._packing.write(bed, frame, angle)
-        stream(self._mesh, "vertices", self._packing.numbers)
+        return stream(self._mesh, "vertices", self._packing.numbers)
 
     def remove(self) -> None:
         """Give the page viser's own camera back, and remove the picture."""

@@ -221,14 +221,13 @@ def _fields(kind: type[Any]) -> list[tuple[str, Any, type | None]]:
     ]
 
 
-def stream(node: viser.SceneNodeHandle, name: str, value: NDArray[np.float32] | str) -> None:
-    """Send a text, or a copy of an array, of a scene node if it differs, as assigning does."""
-    if not ON:
-        setattr(node, name, value)
-        return
-    before = getattr(node._impl.props, name)  # pyright: ignore[reportPrivateUsage]
-    if not (before == value if isinstance(value, str) else np.array_equal(before, value)):
-        hand_over(node, name, value if isinstance(value, str) else value.copy())
+def stream(node: viser.SceneNodeHandle, name: str, value: NDArray[np.float32] | str) -> bool:
+    """Send a text, or a copy of an array, of a scene node if it differs; return whether it did."""
+    before = getattr(node._impl.props if ON else node, name)  # pyright: ignore[reportPrivateUsage]
+    if before == value if isinstance(value, str) else np.array_equal(before, value):
+        return False
+    hand_over(node, name, value if isinstance(value, str) else value.copy())
+    return True
 
 
 def hand_over(node: viser.SceneNodeHandle, name: str, value: NDArray[np.float32] | str) -> None:
