@@ -211,7 +211,7 @@ def test_an_organ_of_no_file_and_unknown_kinds_are_refused() -> None:
     shown = pull_session(other, vertices=300)
     with pytest.raises(ValueError, match="built from images"):
         download(shown, ".organ", VERTICES)
-    assert download(shown, ".csv", VERTICES).name == "a_b.csv"
+    assert download(shown, ".csv", VERTICES).name == "a_b_\u00fc.csv"
     for suffix in (".pvd", ".exe", "glb", ""):
         with pytest.raises(ValueError, match="a download must be one of"):
             download(shown, suffix, VERTICES)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from assets import BILE_DUCT_PHANTOM
-from assets.phantom import PIXEL_SPACING, outer_half_axes, section_stations
+from assets.phantom import PIXEL_SPACING, SECTION_COUNT, SLICE_SPACING, outer_half_axes
 from organ_geometry import TraceOptions
 from organ_geometry.contours.edge_curve import enclosed_area
 from organ_geometry.contours.organ_tracing import trace_organ
@@ -490,7 +490,7 @@ def test_ranges_of_slices() -> None:
 def test_the_noisy_phantom_has_the_edge_it_was_drawn_with() -> None:
     organ = trace_organ(read_image_stack(BILE_DUCT_PHANTOM))
     assert organ.problems == {}
-    axes = outer_half_axes(section_stations()) / PIXEL_SPACING
+    axes = outer_half_axes(SLICE_SPACING * np.arange(SECTION_COUNT)) / PIXEL_SPACING
     angles = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
     errors = [
         rms(
