@@ -110,7 +110,6 @@ from app.simulation.tissue.instruments import (
     FIRST_INSTRUMENTS,
     JAW_RADIUS,
     MOST_OPENING,
-    MOST_SUCTION,
     SWAB_RADIUS,
     TOWARDS_HAND,
     HandContact,
@@ -129,6 +128,7 @@ from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Ve
 from app.simulation.tissue.safety import Safety
 from app.simulation.tissue.sight import FIELD_OF_VIEW, TOWARDS_VIEWER
 from app.simulation.tissue.spatial_tissue import Event, EventKind, SpatialTissue
+from app.simulation.tissue.suction import MOST_SUCTION
 from app.simulation.tissue.tissue import Tissue
 
 __all__ = [

@@ -1,6 +1,7 @@
 """Scripted hands at an anatomy: what ships, clips and divisions, and scripts that cannot be."""
 
 import json
+import math
 from functools import cache
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from app.simulation import (
     read_script,
     run_json,
 )
+from app.simulation.tissue.suction import REACH_MM
 from assets import SCRIPTS
 from physics.bed.kernels import RETRACED
 
@@ -284,17 +286,32 @@ def test_a_duct_divided_between_clips_leaks_nothing() -> None:
     assert dry.grab(0, 18.0, 1) is not None  # and its pieces can be held
 
 
-def test_suction_takes_up_what_was_lost_and_no_more() -> None:
-    """What is pooled is what was lost less what was sucked."""
+def test_suction_takes_up_what_lies_within_its_reach_and_no_more() -> None:
+    """About each end of a divided duct lies a puddle of what it has lost, 1 mm deep."""
     session = clipped(clips=False)
-    tissue = session.spatial
+    tissue, bed = session.spatial, session.spatial.beam
+    suction, bile = tissue.suction, tissue.fluids["bile"]
     lost = sum(each.lost_ml for each in session.reading().fluids)
-    assert tissue.pooled_ml() == pytest.approx(lost, rel=1e-12)
+    assert suction.pooled_ml() == pytest.approx(lost, rel=1e-12)
+    assert suction.pooled_ml("bile") == pytest.approx(1e-3 * bile.lost, rel=1e-12)
+    less, more = sorted(bile.holes, key=lambda hole: hole.lost)
+    at, rim = bed.places[more.node], REACH_MM + math.sqrt(more.lost / math.pi)
+    away = (at - bed.places[less.node]) * [1.0, 1.0, 0.0]
+    out = rim * away / math.hypot(*away[:2])
+    assert suction.reaches(at + 0.999 * out, bed)
+    assert not suction.reaches(at + 1.001 * out, bed)
+    high = max(bed.places[hole.node][2] for hole in bile.holes) - at[2] + REACH_MM
+    up = np.array([0.0, 0.0, 1.0])
+    assert suction.reaches(at + (high - 1e-6) * up, bed)
+    assert not suction.reaches(at + (high + 1e-6) * up, bed)
     session.choose_instrument(0, "suction")
     session.suck(0, 30.0)
-    session.advance(60)
-    assert tissue.pooled_ml() < 0.05 * lost
-    assert tissue.sucked_ml <= sum(each.lost_ml for each in session.reading().fluids) + 1e-9
+    session.advance(60)  # where it comes in
+    assert suction.taken_ml == 0.0
+    session.move_hand(0, bed.places[bile.holes[0].node])
+    session.advance(120)
+    assert suction.pooled_ml() < 0.05 * lost
+    assert suction.taken_ml <= sum(each.lost_ml for each in session.reading().fluids) + 1e-9
 
 
 def test_jaws_that_are_not_past_a_tube_close_nothing() -> None:

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from app.anatomy import (
     AnatomyNetwork,
@@ -102,6 +103,7 @@ from app.trainer.client.scope_lead import (
     NO_RING,
     NOT_IN_RING,
     NOTCH_MM,
+    NOTHING_LIES,
     OFF_MM,
     PARTS_MM_S,
     PRESSED_MM,
@@ -118,7 +120,15 @@ from app.trainer.client.structure_pointer import StructurePointer
 from app.trainer.client.workers import Workers
 from app.trainer.panel.scope_panel import KEYS, _moves
 from app.trainer.scope.assistant import INNER, SPEED, Assistant
-from app.trainer.scope.held_scope import DIRECTION, HOME, OUTSIDE, UP, HeldScope
+from app.trainer.scope.held_scope import (
+    DIRECTION,
+    HOME,
+    OUTSIDE,
+    RETURNS_MM_S,
+    RETURNS_RAD_S,
+    UP,
+    HeldScope,
+)
 from app.trainer.scope.packing import HEADER, NODE_NUMBERS, DrawnHand, Frame, Packing, Well
 from app.trainer.scope.pose import OBLIQUE, Laparoscope, Pose
 from app.trainer.scope.surroundings import film_runs, floor_under, strand_table, working_place
@@ -205,6 +215,43 @@ def test_the_assistant_follows_tips_and_never_jumps() -> None:
         assert held.roll(pose) == pytest.approx(0.0, abs=1e-9)
         before = camera
     assert max(before.seen(tip)[0] for tip in tips) == pytest.approx(INNER, abs=1e-3)
+
+
+@given(
+    st.floats(-0.9, 0.9), st.floats(-0.7, 0.7), st.floats(-120.0, 50.0),
+    st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.booleans(),
+)  # fmt: skip
+@settings(deadline=None, max_examples=30)
+def test_a_scope_that_is_given_back_returns_without_a_jump(
+    pan: float, tilt: float, depth: float, cable: float, head: float, oblique: bool
+) -> None:
+    """All its turns and its slide arrive together, the slowest of them at its most speed."""
+    held = HeldScope(anatomy_network(anatomy_named("normal")))
+    if oblique:
+        held.change()
+    home = held.pose
+    held.move(pan, tilt, depth, cable, head)
+    far, before = path(held.pose, home), held.pose
+    turn, slide = RETURNS_RAD_S * TICK_SECONDS, RETURNS_MM_S * TICK_SECONDS
+    least = max(np.abs(far) / [turn, turn, slide, turn, turn])
+    held.give_back()
+    assert held.assisted
+    assert held.pose == before
+    ticks = 0
+    while held.advance([]):
+        step = path(before, held.pose)
+        assert (np.abs(step) <= np.array([turn, turn, slide, turn, turn]) + 1e-9).all()
+        assert np.abs(np.outer(step, far) - np.outer(far, step)).max() < 1e-6  # straight
+        before, ticks = held.pose, ticks + 1
+    assert held.pose == home
+    assert ticks == math.ceil(least - 1e-6)
+
+
+def path(start: Pose, end: Pose) -> NDArray[np.float64]:
+    """Return the shorter way from one pose to another, (5,) rad, and mm of its depth."""
+    pan, tilt, depth, cable, head = np.subtract(end.numbers, start.numbers).tolist()
+    whole = 2.0 * math.pi
+    return np.array([pan, tilt, depth, math.remainder(cable, whole), math.remainder(head, whole)])
 
 
 @given(st.floats(0.0, 0.99 * INNER), st.floats(0.0, 2.0 * math.pi), st.floats(-9.0, 9.0))
@@ -1627,12 +1674,17 @@ def test_clips_scissors_and_suction(lead: ScopeLead) -> None:
     lead.use_instrument()
     pass_time(lead, session, 2.0)
     assert tissue.fluids["blood"].lost > 100.0
-    pooled = tissue.pooled_ml()
     lead.choose_instrument(1, "suction")
-    lead.use_instrument()
-    assert session.spatial.sucks(1)
+    lead.use_instrument()  # far off, as it comes in
+    notice = cast(MagicMock, lead._state.client.add_notification).call_args.args
+    assert notice == ("It takes up nothing here", NOTHING_LIES)
+    assert tissue.suction.on(1)
     pass_time(lead, session, 1.0)
-    assert tissue.pooled_ml() < pooled
+    assert tissue.suction.taken_ml == 0.0
+    bring(10.0)
+    pooled = tissue.suction.pooled_ml()
+    pass_time(lead, session, 1.0)
+    assert tissue.suction.pooled_ml() < pooled  # more is taken up than flows out
 
 
 def test_the_lens_is_soiled_by_touch_and_jets_and_a_replay_has_it() -> None:

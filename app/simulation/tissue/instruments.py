@@ -48,8 +48,6 @@ RODS: dict[Instrument, tuple[tuple[int, ...], ...]] = {
     "swab": tuple((2 * hand,) for hand in range(HANDS)),
     "suction": tuple((2 * hand,) for hand in range(HANDS)),
 }
-MOST_SUCTION = 30.0
-"""ml/s."""
 
 
 class Rod(NamedTuple):

@@ -54,7 +54,6 @@ from app.simulation.tissue.instruments import (
     JAWED,
     LENGTH,
     MOST_OPENING,
-    MOST_SUCTION,
     RADIUS,
     RODS,
     SCOPE_INSTRUMENTS,
@@ -67,6 +66,7 @@ from app.simulation.tissue.lens import Lens
 from app.simulation.tissue.reached_tube import fine_axis, jaws_on_wall
 from app.simulation.tissue.reading import FluidReading, NickReading, Reading, Vector
 from app.simulation.tissue.sight import STEADY, STEADY_MM, TOWARDS_VIEWER
+from app.simulation.tissue.suction import MOST_SUCTION, Suction
 from app.simulation.tissue.tissue_tick import RATIO, STEP_NUMBERS, SUM_FORCES, TISSUE_TICK, WORST
 from physics import DEEPEST, NoEquilibrium, RuptureCheck
 from physics.bed import BeamOnBed, Network, WorstStress
@@ -262,7 +262,7 @@ class SpatialTissue:
         self.lens = Lens(soils=self._soils)
         self.marks: list[Mark] = []
         self.called_unsafe = False  # whether it was said that nothing can safely be told
-        self.sucked_ml, self._suction = 0.0, [0.0] * HANDS  # ml/s
+        self.suction = Suction(self.fluids)
         self._closed_at = [-math.inf] * HANDS  # ticks, by button
         self.ticks = 0  # since all was made whole
         self.hands = tuple(
@@ -572,10 +572,6 @@ class SpatialTissue:
         """Return how long ago a hand last closed a clip applier's jaws or scissors' blades, s."""
         return (self.ticks - self._closed_at[hand]) * TICK_SECONDS
 
-    def sucks(self, hand: int) -> bool:
-        """Return whether a hand's suction is on."""
-        return self._suction[hand] > 0.0
-
     def _name(
         self, kind: InputKind, values: tuple[float, ...], begin: Callable[[], bool]
     ) -> Applied | None:
@@ -598,19 +594,11 @@ class SpatialTissue:
         if self.hands[hand].instrument != "suction":
             return None
         wanted = min(max(rate, 0.0), MOST_SUCTION)
-        if wanted == self._suction[hand]:
+        if wanted == self.suction.rates[hand]:
             return None
-        self._suction[hand] = wanted
+        self.suction.rates[hand] = wanted
         self._forget_reading()
         return "suck", (wanted,)
-
-    def pooled_ml(self, fluid: str | None = None) -> float:
-        """Return what is lost and not taken up by suction, ml; of one fluid or of all."""
-        # Suction takes up fluids as they are mixed.
-        lost = {name: 1e-3 * flow.lost for name, flow in self.fluids.items()}
-        whole = sum(lost.values())
-        mine = whole if fluid is None else lost.get(fluid, 0.0)
-        return mine * max(1.0 - self.sucked_ml / whole, 0.0) if whole > 0.0 else 0.0
 
     def _open(self, hand: int, opening: float) -> Applied | None:
         holder = self.hands[hand]
@@ -633,7 +621,7 @@ class SpatialTissue:
         self.rod_counts = len(self.rods_of(0)), len(self.rods_of(1))
         holder.opening = holder.target_opening = 0.0
         holder.aim, holder.spread = TOWARDS_HAND.get(instrument, FROM_ABOVE), ALONG
-        self._suction[hand], self._closed_at[hand] = 0.0, -math.inf
+        self.suction.rates[hand], self._closed_at[hand] = 0.0, -math.inf
         holder.put(self.parking(hand, instrument))
         for rod in self.touch(hand).rods:
             self.beam.set_rod(*rod)
@@ -939,9 +927,7 @@ class SpatialTissue:
         """Let fluids flow out of holes for a tick, and take them up; return whether any flows."""
         if not self.fluids:
             return False
-        wanted = sum(self._suction) * TICK_SECONDS
-        if wanted > 0.0:
-            self.sucked_ml += min(wanted, self.pooled_ml())
+        self.suction.advance(self.hands, self.beam)
         if self._leaking and "blood" in self.fluids:
             self.lens.spray(self.pose, self.beam, self.fluids["blood"])
         for fluid, flow in self.fluids.items():

@@ -109,6 +109,7 @@ SEEN_TICKS = 30
 """Ticks after a stop, in which keys do nothing: they were pressed before it was seen."""
 SUCTION = 15.0
 """ml/s."""
+NOTHING_LIES = "Lead its tip to where blood or bile lies. G stops it."
 QUICK_TURNS, AT_BAR, QUICK_MOVES = 3.0, 0.02, 4.0
 """Times as far that a key turns jaws towards a bar, rad within which they are there, and times as
 far that a key moves a tip towards a ring."""
@@ -730,7 +731,7 @@ class ScopeLead:
         now: dict[Instrument, str] = {
             "clip applier": "Clip",
             "scissors": "Cut",
-            "suction": "Stop" if self._state.shown.spatial.sucks(self.hand) else "Suck",
+            "suction": "Stop" if self._state.shown.spatial.suction.on(self.hand) else "Suck",
             "swab": "Wipe",
         }
         if holder.instrument in HOLDING:
@@ -778,8 +779,11 @@ class ScopeLead:
             self._state.refuse(refusal)
 
     def _suck(self) -> None:
-        on = self.session.spatial.sucks(self.hand)
+        tissue = self.session.spatial
+        on = tissue.suction.on(self.hand)
         self.session.suck(self.hand, 0.0 if on else SUCTION)
+        if not on and not tissue.suction.reaches(tissue.hands[self.hand].place, tissue.beam):
+            self._state.refuse(NOTHING_LIES, title="It takes up nothing here")
         self._state.show()
 
     def open_more(self, more: float) -> None:
@@ -870,6 +874,12 @@ class ScopeLead:
             self._state.refuse(ONLY_THROUGH_SCOPE)
             return
         self.free_camera = not self.free_camera
+        self._state.show()
+
+    def give_scope_back(self) -> None:
+        """Give the scope back to the assistant, or in a replay show what was seen."""
+        # Nobody leads it back while time stands still.
+        self.held.home() if self._state.paused else self.held.give_back()
         self._state.show()
 
     def change_scope(self) -> None:

@@ -527,7 +527,7 @@ class ScopePanel:
             "Shift+L": lambda: self._roll("right"),
             "P": lambda: state.set_paused(not state.paused),
             "R": state.reset,
-            "V": state.bring_home,
+            "V": lead.give_scope_back,
         }
         add_keys(state, KEYS, actions, ALWAYS)
 

@@ -46,7 +46,7 @@ def draw_tissue(picture: ScopePicture, tissue: SpatialTissue, held: HeldScope) -
         wells=_wells(tissue),
         clips=_at_events(tissue, "clip"),
         torn=torn,
-        pools=(1e3 * tissue.pooled_ml("blood"), 1e3 * tissue.pooled_ml("bile")),
+        pools=(1e3 * tissue.suction.pooled_ml("blood"), 1e3 * tissue.suction.pooled_ml("bile")),
         nicks=[
             (
                 each.tube,
@@ -67,7 +67,7 @@ def _hand(tissue: SpatialTissue, number: int) -> DrawnHand:
     x, y, z = (float(each) for each in hand.tip)
     opened = min(max((tissue.since_closed(number) - CLOSED_S) / OPENS_S, 0.0), 1.0)
     opening = opened * hand.opening
-    if holds or tissue.sucks(number):
+    if holds or tissue.suction.on(number):
         opening = HOLDS_APART
     elif hand.instrument in HOLDING:
         opening = READY_APART

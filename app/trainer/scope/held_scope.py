@@ -20,6 +20,8 @@ OUTSIDE = 215.0
 """From the scope's trocar to the triangle, mm."""
 HOME = 66.0
 """At which it is seen first, mm."""
+RETURNS_RAD_S, RETURNS_MM_S = 1.0, 60.0
+"""Of each turn and along the shaft, at most, of a scope that is given back to the assistant."""
 SCOPED = slice(6, 12)
 """Of a view's numbers, as an `Input` has it: those of the scope."""
 
@@ -37,9 +39,15 @@ class HeldScope:
         """Give the scope to the assistant, who looks at the triangle."""
         # Turned down, an oblique scope looks at the triangle from the patient's head.
         pose = Pose(depth=OUTSIDE - HOME, cable=math.pi if self.scope.angle else 0.0)
-        self.assisted = True
+        self.assisted, self._returns = True, False
         self._assistant = Assistant(self.scope, pose, self._target, HOME)
         self.pose = self._assistant.pose
+
+    def give_back(self) -> None:
+        """Give the scope to the assistant, who leads it back to the triangle without a jump."""
+        held = self.pose
+        self.home()
+        self.pose, self._returns = held, True
 
     @property
     def oblique(self) -> bool:
@@ -68,7 +76,12 @@ class HeldScope:
         """Let the assistant follow tips for a tick; return whether the scope has moved."""
         if not self.assisted:
             return False
-        return self._hold(self._assistant.scope, self._assistant.follow(tips, TICK_SECONDS))
+        pose = self._assistant.follow(tips, TICK_SECONDS)
+        if self._returns:
+            turn, slide = RETURNS_RAD_S * TICK_SECONDS, RETURNS_MM_S * TICK_SECONDS
+            nearer = self.pose.towards(pose, turn=turn, slide=slide)
+            self._returns, pose = nearer is not pose, nearer
+        return self._hold(self._assistant.scope, pose)
 
     def show(self, logged: Sequence[float]) -> bool:
         """Hold the scope as a tissue's `pose` says; return False where none is held so."""

@@ -51,6 +51,25 @@ class Pose:
             math.remainder(self.head + head, whole),
         )
 
+    def towards(self, other: "Pose", *, turn: float, slide: float) -> "Pose":
+        """Return a pose on a straight path to another, at most so much of each turn and mm on.
+
+        Returns
+        -------
+        Pose
+            `other` itself where that is as near.
+        """
+        whole = 2.0 * math.pi
+        far = (
+            other.pan - self.pan,
+            other.tilt - self.tilt,
+            other.depth - self.depth,
+            math.remainder(other.cable - self.cable, whole),
+            math.remainder(other.head - self.head, whole),
+        )
+        steps = max(abs(far[2]) / slide, *(abs(far[each]) / turn for each in (0, 1, 3, 4)))
+        return other if steps <= 1.0 else self.moved(*(each / steps for each in far))
+
     @property
     def numbers(self) -> tuple[float, float, float, float, float]:
         """Pan, tilt, depth, cable and head."""
