@@ -31,8 +31,8 @@ from organ_geometry import Organ
 INCIDENTS = "incidents"
 """A benchmark's metric that is not in `METRICS`: how many incidents of errors a run has."""
 SAFE_FRACTION = 0.95
-"""Least share of a run's time without an incident of a level's safety items: in use for safety
-items of a laparoscopic curriculum (LAP Mentor)."""
+"""Least share of a run's time in tissue without an incident of a level's safety items: in use for
+those of a laparoscopic curriculum (LAP Mentor)."""
 LONGEST_FILE, MOST_LEVELS, MOST_SEEDS, MOST_PASSES = 50_000, 40, 200, 20
 LONGEST_ID, LONGEST_TITLE, LONGEST_STEP = 40, 60, 300
 LOWER = {each.key: each.better == "lower" for each in METRICS if each.better} | {INCIDENTS: True}
@@ -107,7 +107,7 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     feedback: tuple[Feedback, ...] = (Feedback.CONTINUOUS,)  # with each pass in a row
     limits: dict[str, int | float] = {}  # of the exercise, as in an exercise file
     errors: dict[str, int] = {}  # the same
-    safety: tuple[str, ...] = ()  # error classes, without which `SAFE_SHARE` of the time must be
+    safety: tuple[str, ...] = ()  # error classes, without which `SAFE_FRACTION` of the time must be
     benchmarks: dict[str, float] = {}  # metric: what its benchmark is multiplied by
 
     def __post_init__(self) -> None:

@@ -81,15 +81,22 @@ class Try(msgspec.Struct, frozen=True):
             each.consequence == "injury" for each in self.incidents
         )
 
+    @property
+    def seconds_in_tissue(self) -> float:
+        """Time in tissue, which older runs lack: of those it is the whole time."""
+        return float(self.metrics.get("time_in_tissue_s", self.seconds))
+
     def safe_fraction(self, safety: Iterable[str]) -> float:
-        """Return the share of the time without an incident of some error classes."""
+        """Return the share of the time in tissue without an incident of some error classes."""
+        # A bleeding goes on outside tissue, too. All of it counts, and may last longer.
         wanted, last, lost = set(safety), 0.0, 0.0
         for each in sorted(self.incidents, key=lambda each: each.start_s):
             if each.error in wanted:
                 start = max(each.start_s, last)
                 last = max(min(each.end_s + CLOSED_SECONDS, self.seconds), last)
                 lost += max(last - start, 0.0)
-        return 1.0 - lost / self.seconds if self.seconds > 0.0 else 1.0
+        handled = self.seconds_in_tissue
+        return max(1.0 - lost / handled, 0.0) if handled > 0.0 else float(lost == 0.0)
 
     def value(self, metric: str) -> float | None:
         """Return a metric of it, or how many incidents it has; None where it has none such."""
@@ -134,8 +141,9 @@ def unmet(course: Course, level: Level, done: Try) -> str:
     if fraction < SAFE_FRACTION:
         named = {each.error for each in done.incidents} & set(level.safety)
         titles = ", ".join(ERROR_CLASSES[each].title.lower() for each in sorted(named))
+        time = "time in tissue" if "time_in_tissue_s" in done.metrics else "time"
         return (
-            f"Passed, but only {100.0 * fraction:.0f} % of the time was without errors of safety "
+            f"Passed, but only {100.0 * fraction:.0f} % of the {time} was without errors of safety "
             f"({titles}); {100.0 * SAFE_FRACTION:.0f} % are asked for."
         )
     for metric, mark in course.marks(level).items():

@@ -13,7 +13,7 @@ from class_runs import record
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from program import refused, run
-from simulated import phantom
+from simulated import bed_session, phantom
 
 from app.anatomy import drawn_anatomy
 from app.classroom.benchmarks import PACES, expert_benchmarks, near_others, scripted_try
@@ -35,7 +35,7 @@ from app.classroom.progress import (
     unmet,
 )
 from app.classroom.store import ClassStore, RunRecord
-from app.simulation import Incident
+from app.simulation import ERROR_CLASSES, Incident, Session, run_json
 
 START = datetime(2026, 3, 1, 9, 0, tzinfo=UTC)
 SMALL = """
@@ -259,6 +259,56 @@ def test_a_pass_counts_within_the_benchmarks_and_with_95_percent_without_safety_
     assert "time: 30.5 s, at most 30 s by" in unmet(course, level, tried(seconds=30.5))
     hurt = incident("leaning", 2.0, 3.0, "injury")
     assert "injury" in unmet(course, level, tried(incidents=(hurt,)))
+
+
+def kept(session: Session) -> Try:
+    """A session's run as a try at the first level."""
+    file = session.run_file()
+    made = RunRecord(
+        "1", "2", None, "dissect", "Open a window", START.isoformat(), True, True, "",
+        msgspec.json.encode(file.metrics).decode(), run_json(file),
+        "window", 1, msgspec.json.encode(session.run.incidents()).decode(),
+    )  # fmt: skip
+    return Try.of(made)
+
+
+def test_a_wait_before_the_first_touch_does_not_make_a_run_safer() -> None:
+    tries: list[Try] = []
+    for wait in (0, 300):
+        session = bed_session(phantom(), bed_seed=3, vertices=300)
+        session.choose_instrument(0, "dissector")
+        session.advance(wait)
+        outside = session.spatial.hands[0].place.copy()
+        for aside, opening in ((0.0, 0.0), (24.0, 0.0), (24.0, 9.0), (24.0, 9.0), (24.0, 9.0)):
+            session.move_hand(0, outside + np.array([4.0, aside, 0.0]))
+            session.open_jaws(0, opening)
+            session.advance(40)
+        tries.append(kept(session))
+    quick, slow = tries
+    assert slow.seconds - quick.seconds == pytest.approx(10.0)
+    assert {each.error for each in quick.incidents} >= {"jumping_jaws"}
+    for errors in (["jumping_jaws"], ["jumping_jaws", "blind_stab"], list(ERROR_CLASSES)):
+        assert slow.safe_fraction(errors) == pytest.approx(quick.safe_fraction(errors), rel=1e-12)
+    level = small().level[0]
+    assert quick.safe_fraction(level.safety) < 0.95
+    for each in tries:
+        assert "of the time in tissue was without errors" in unmet(small(), level, each)
+    # A run of before this metric counts by its whole time, as it did.
+    plain = {key: value for key, value in slow.metrics.items() if key != "time_in_tissue_s"}
+    older = msgspec.structs.replace(slow, metrics=plain)
+    lost = (1.0 - slow.safe_fraction(level.safety)) * slow.seconds_in_tissue
+    assert older.safe_fraction(level.safety) == pytest.approx(1.0 - lost / slow.seconds)
+    assert older.safe_fraction(level.safety) > 0.95
+    assert unmet(small(), level, older) != unmet(small(), level, slow)
+
+
+def test_errors_that_go_on_longer_than_a_hand_is_in_tissue_leave_no_safe_share() -> None:
+    bleeds = tried(incidents=(incident("bleeding", 2.0, 12.0),))
+    for seconds, fraction in ((20.0, 1.0 - 10.4 / 20.0), (5.0, 0.0), (0.0, 0.0)):
+        metrics = bleeds.metrics | {"time_in_tissue_s": seconds}
+        each = msgspec.structs.replace(bleeds, metrics=metrics)
+        assert each.safe_fraction(["bleeding"]) == pytest.approx(fraction)
+        assert each.safe_fraction(["jumping_jaws"]) == 1.0
 
 
 @given(

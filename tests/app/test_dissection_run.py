@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulated import bed_session, phantom
 
+from app.anatomy import anatomy_named
 from app.command_line.replay import replay
 from app.simulation import (
     INSTRUMENTS,
@@ -32,6 +33,7 @@ from app.simulation import (
     preset_named,
     read_run,
     run_json,
+    specimen_in_bed,
 )
 
 SCATTERED = bed_named("firm")
@@ -321,7 +323,9 @@ def test_any_dissection_made_again_is_equal_to_the_bit(course: list[tuple[int, A
         getattr(session, name)(*values)
         session.advance(ticks)
     if session.run.started:
-        content = run_json(session.run_file())
+        run = session.run_file()
+        assert 0.0 <= run.metrics["time_in_tissue_s"] <= run.metrics["time_s"]
+        content = run_json(run)
         assert run_json(replayed(content).run_file()) == content
         if session.run.going:
             assert bits(replay_end(content)) == bits(session)
@@ -430,6 +434,9 @@ def test_a_stored_run_of_version_3_plays_as_it_was_recorded() -> None:
     assert found.log == original.log
     assert original.metrics["tear"] is not None
     assert original.metrics["strands_broken_by_instrument"] > 0
+    # It has all metrics of today.
+    assert found.metrics.keys() - original.metrics.keys() == {"time_in_tissue_s"}
+    assert 0.0 < found.metrics["time_in_tissue_s"] <= found.metrics["time_s"]
     # It was made when strands that an instrument had not met were put down to it as well.
     assert original.metrics["strands_broken_by_hand"] == [146, 236]
     start = msgspec.structs.replace(original.log.start, broken_by_touch=True)
@@ -484,6 +491,70 @@ def test_an_idle_instrument_parts_no_strand() -> None:
     assert swept["strands_broken_by_hand"][1] >= swept["strands_broken"] - settled
     content = run_json(session.run_file())
     assert run_json(replayed(content).run_file()) == content
+
+
+def handled(
+    specimen: Specimen, tube: int, inside: tuple[float, float, float], wait: int
+) -> tuple[Session, int]:
+    """Wait for some ticks, hold a tube, let go, open jaws in tissue and draw them out.
+
+    Returns
+    -------
+    tuple[Session, int]
+        The session, and its ticks with a hand in tissue by what its state shows.
+    """
+    session, ticks = Session(specimen, vertices=300), 0
+
+    def advance(count: int) -> None:
+        nonlocal ticks
+        for _ in range(count):
+            session.advance()
+            tissue = session.spatial
+            beam = tissue.beam
+            rods = [rod for i in (0, 1) for rod in range(2 * i, 2 * i + tissue.rod_counts[i])]
+            ticks += (
+                any(hand.node is not None for hand in tissue.hands)
+                or any(beam.touched_by(rod).any() for rod in rods)
+                or bool(beam.state.press[rods, :3].any())
+            )
+
+    session.choose_instrument(0, "dissector")
+    session.choose_instrument(1, "grasper")
+    advance(wait)
+    outside = session.spatial.hands[0].place + np.array([0.0, -20.0, 30.0])
+    place = session.grab(1, 12.0, tube)
+    assert place is not None
+    session.move_hand(1, np.array(place) + np.array([0.0, 0.0, 2.0]))
+    advance(20)
+    session.release(1)
+    for to, opening in ((inside, 0.0), (inside, 9.0), (inside, 0.0), (outside, 0.0)):
+        session.move_hand(0, to)
+        session.open_jaws(0, opening)
+        advance(45)
+    advance(60)
+    assert session.run.going
+    return session, ticks
+
+
+@pytest.mark.parametrize("where", ["bed", "anatomy"])
+def test_time_in_tissue_is_that_in_which_a_hand_holds_or_touches_it(where: str) -> None:
+    if where == "bed":
+        each = specimen_in_bed(phantom(), bed_seed=3), 0, (29.4, 5.7, -5.9)
+    else:
+        specimen = Specimen.of_anatomy(anatomy_named("normal"))
+        each = specimen, 1, (54.0, 8.0, 0.0)
+    (quick, ticks), (slow, same) = handled(*each, 0), handled(*each, 90)
+    found, waited = quick.metrics(), slow.metrics()
+    assert found["time_in_tissue_s"] == ticks * TICK_SECONDS
+    # The hold of 20 ticks and most of 135 inside; not the last 60, outside.
+    assert 100 < ticks == same < quick.run.ticks - 60
+    # A wait before the first touch makes the run longer, and that time not.
+    assert slow.run.ticks == quick.run.ticks + 90
+    assert waited["time_in_tissue_s"] == found["time_in_tissue_s"]
+    assert waited["tear"] is found["tear"] is None
+    assert waited["strands_broken"] == found["strands_broken"] > 0
+    run = slow.run_file()
+    assert Replay(run.log, each[0].organ or phantom()).run_file().metrics == waited
 
 
 def test_a_run_of_before_laws_plays_by_the_linear_one() -> None:

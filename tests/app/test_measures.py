@@ -27,6 +27,7 @@ def test_a_scripted_run_has_the_measures_found_by_hand() -> None:
     # 0.5, 1.5 and 2.5 N while the hook goes 0, 4 and then back to 3 mm; before and after nothing.
     measures = taken([0.0, 0.5, 1.5, 2.5, 0.0], [0.0, 0.0, 4.0, 3.0, 0.0]).measures()
     assert measures.time_s == 5 / 30
+    assert measures.time_in_tissue_s == 3 / 30
     assert measures.maximum_force_N == 2.5
     assert measures.mean_absolute_nonzero_force_N == 1.5
     assert measures.force_sd_N == pytest.approx(math.sqrt(2.0 / 3.0), rel=1e-15)
@@ -42,6 +43,7 @@ def test_a_scripted_run_has_the_measures_found_by_hand() -> None:
 def test_a_run_without_a_pull_has_none_of_the_measures_that_need_one() -> None:
     measures = taken([0.0] * 4, [0.0] * 4).measures()
     assert measures.maximum_force_N == measures.force_time_product_N_s == 0.0
+    assert measures.time_in_tissue_s == 0.0
     assert measures.mean_absolute_nonzero_force_N is None
     assert measures.force_sd_N is None
     assert measures.economy_of_motion is None

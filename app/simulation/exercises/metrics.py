@@ -59,6 +59,11 @@ class Metric(NamedTuple):
 
 METRICS = (
     Metric("time_s", "Time", "s", "lower", "Length of the run, from the first input to its end."),
+    Metric(
+        "time_in_tissue_s", "Time in tissue", "s", "",
+        "Time in which a hand held tissue, or an instrument was among strands or pressed on "
+        "a wall.",
+    ),
     Metric("freed_mm", "Freed", "mm", "higher", "Length of duct whose strands have broken."),
     Metric(
         "longest_freed_stretch_mm", "Longest freed stretch", "mm", "higher",

@@ -60,6 +60,7 @@ class DissectionMeasures(
     """
 
     time_s: float
+    time_in_tissue_s: float  # with a hand that holds, is among strands or presses
     freed_mm: float  # length of duct whose strands have parted
     longest_freed_stretch_mm: float
     strands: int  # whole at the start
@@ -315,6 +316,7 @@ class DissectionRecorder:
     # Each by itself: an exercise asks for few of them in each tick.
     _measures: ClassVar[dict[str, Callable[[Self], Any]]] = {
         "time_s": lambda self: self.ticks * TICK_SECONDS,
+        "time_in_tissue_s": lambda self: self._finder.ticks_in_tissue * TICK_SECONDS,
         "freed_mm": lambda self: self.freed,
         "longest_freed_stretch_mm": lambda self: max(
             (b - a for a, b in self.stretches), default=0.0

@@ -211,6 +211,7 @@ class ErrorFinder:
         self._nodes = np.concatenate(nodes)
         self._firsts = np.cumsum([0, *(each.size for each in nodes)])
         self._torn = False  # whether a tube tore in this tick
+        self.ticks_in_tissue = 0  # with a hand that holds, is among strands or presses
         self._nicked = list(duct.nicked)
 
     @property
@@ -243,7 +244,7 @@ class ErrorFinder:
                 self._take_hold(i, hand, watch)
         state, (a, b), (force, other) = duct.beam.state, duct.hands, duct.forces
         scoped, stress = len(duct.pose) >= SCOPE_NUMBERS, duct.stress_ratio
-        parted, due = _LOOK(
+        parted, due, in_tissue = _LOOK(
             state.damage, self._damage, state.side, state.press,
             duct.rod_counts, (a.node is not None, b.node is not None),
             (a.place, b.place), (a.opening, b.opening), (*force, *other),
@@ -252,6 +253,7 @@ class ErrorFinder:
             scoped, duct.pose[:LINE_OF_SIGHT] if scoped else NO_SCOPE, self._limits,
             self._tracks, self._presses, self._turned, self._pace.ratios, self._seen,
         )  # fmt: skip
+        self.ticks_in_tissue += in_tissue
         if due:
             self._judge_hands(parted)
         if out_of_sight and out_of_sight >= incidents.limits["unseen"]["strands"]:
@@ -747,16 +749,18 @@ def _look(
     forces: tuple[float, ...], dissects: tuple[bool, bool], unplaced: tuple[bool, bool],
     stress: float, several: bool, scoped: bool, pose: tuple[float, ...], limits: _Limits,
     tracks: Floats, presses: Floats, turned: Floats, ratios: Floats, seen: Floats,
-) -> tuple[int, bool]:  # fmt: skip
+) -> tuple[int, bool, bool]:  # fmt: skip
     """Write what a tick shows of the hands, and which conditions hold of them.
 
     Returns
     -------
-    tuple[int, bool]
-        How many strands parted, and whether any condition holds or a hand has turned back.
+    tuple[int, bool, bool]
+        How many strands parted, whether any condition holds or a hand has turned back, and whether
+        a hand holds, is among strands or presses on a wall.
     """
     # A strand that touches both of a hand's rods is counted twice among those that touch.
     take_ratio(ratios, stress)
+    in_tissue = False
     for i in range(HANDS):
         first, last = 2 * i, 2 * i + rods[i]
         track, row = tracks[i], seen[i]
@@ -766,6 +770,7 @@ def _look(
                 touching += side[rod, s] == 1 or side[rod, s] == -1
         row[PARTED] = row[GOING] = row[PRESS] = row[TURNS] = 0.0
         row[TOUCHING] = touching
+        in_tissue |= holds[i] or touching > 0
         for k in range(SHIFT_TICKS):
             for c in range(OPENING + 1):
                 track[k, c] = track[k + 1, c]
@@ -792,6 +797,7 @@ def _look(
         total, most = 0.0, 0.0
         for rod in range(first, last):
             most = max(most, _norm(press[rod, 0], press[rod, 1], press[rod, 2]))
+        in_tissue |= most > 0.0
         for k in range(PULL_TICKS):
             presses[i, k] = presses[i, k + 1] if k < PULL_TICKS - 1 else most
             total += presses[i, k]
@@ -845,7 +851,7 @@ def _look(
         due |= seen[i, TURNS] != 0.0
         for c in range(FAST, PACE + 1):
             due |= seen[i, c] != 0.0
-    return parted, due
+    return parted, due, in_tissue
 
 
 @kernel()

@@ -49,6 +49,7 @@ class Measures(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The measures of a run (docs/measures.md); None where a run gives none."""
 
     time_s: float
+    time_in_tissue_s: float  # in which the duct was held
     maximum_force_N: float  # noqa: N815
     mean_absolute_nonzero_force_N: float | None  # |F| over the ticks with force  # noqa: N815
     force_sd_N: float | None  # of the same |F|, over the whole population  # noqa: N815
@@ -84,7 +85,7 @@ class PullMetrics:
     def __init__(self, task_threshold: float, band: tuple[float, float] | None = None) -> None:
         self._threshold, self._band = task_threshold, band
         self._finder = PullErrorFinder()
-        self.ticks = 0
+        self.ticks = self._ticks_held = 0
         self.maximum_force = self.maximum_loading_rate = self._force_sum = 0.0
         self.overshoot = None if band is None else 0.0
         self._forces = (0.0,) * RATE_TICKS  # of the last ticks of the present hold, newest first
@@ -155,6 +156,7 @@ class PullMetrics:
                 self._over += 1
         self._distance = min(self._distance, distance_to_break)
         self._finder.take(1.0 - distance_to_break, deflection, held=held)
+        self._ticks_held += held
         if held:
             if self._held == 0:
                 self._forces = (size,) * RATE_TICKS
@@ -225,6 +227,7 @@ class PullMetrics:
         loaded = self._loaded > 0
         return Measures(
             time_s=self.seconds,
+            time_in_tissue_s=self._ticks_held * TICK_SECONDS,
             maximum_force_N=self.maximum_force,
             mean_absolute_nonzero_force_N=self.mean_absolute_nonzero_force if loaded else None,
             force_sd_N=math.sqrt(self._spread / self._loaded) if loaded else None,
