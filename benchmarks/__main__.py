@@ -2,8 +2,9 @@
 
 Run from the root of the repository: ``make bench``, or ``python -m benchmarks``; with names of
 parts, as ``python -m benchmarks geometry``, only these. ``python -m benchmarks cheats`` looks for
-policies that pass exercises with errors, ``--seconds`` in each, and ``faults`` measures how well
-errors are found, in half an hour; both are done when named only.
+policies that pass exercises with errors, ``--seconds`` in each, or in each that ``--of`` names.
+``blind`` answers *Who is who* by rules, and ``faults`` measures how well errors are found, in half
+an hour. These three are done when named only.
 """
 
 import argparse
@@ -23,7 +24,8 @@ from rich.table import Table
 from app.anatomy.figure import figure_kind
 from app.command_line.load import shipped_organ
 from benchmarks.bed_step import measure_bed
-from benchmarks.cheats import measure_cheats
+from benchmarks.blind_answers import measure_blind_answers
+from benchmarks.cheats import EXERCISES, measure_cheats
 from benchmarks.cubic_beam import cubic_array_rate, cubic_engine
 from benchmarks.dissection_exercises import measure_exercises
 from benchmarks.duct import DUCT, FORCE
@@ -169,9 +171,12 @@ BENCHMARKS: dict[str, Callable[[Console], dict[str, Any]]] = {
 def main() -> None:
     """Measure, print, and write the figures."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
-    names = ", ".join((*BENCHMARKS, "cheats", "faults"))
+    names = ", ".join((*BENCHMARKS, "cheats", "blind", "faults"))
     parser.add_argument("parts", nargs="*", metavar="PART", help=names)
     parser.add_argument("--seconds", type=float, default=600.0, help="of cheats, each exercise")
+    parser.add_argument(
+        "--of", choices=EXERCISES, action="append", help="of cheats, an exercise; all if not given"
+    )
     parser.add_argument("--figure", type=Path, help="of network: how a step's time grows")
     given = parser.parse_args()
     if given.figure is not None:
@@ -181,7 +186,8 @@ def main() -> None:
             parser.error(str(error))
     measured = BENCHMARKS | {
         "network": partial(measure_network, figure=given.figure),
-        "cheats": partial(measure_cheats, seconds=given.seconds),
+        "cheats": partial(measure_cheats, seconds=given.seconds, names=given.of or EXERCISES),
+        "blind": measure_blind_answers,
         "faults": measure_faults,
     }
     unknown = [name for name in given.parts if name not in measured]

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from app.simulation import JAW_RADIUS, Exercise
+from app.simulation.exercises.goals import Stay
 from app.simulation.scripts.scripted_hands import Clip
 from benchmarks.faults import (
     COVERED,
@@ -316,6 +317,37 @@ def hold_in_turns(hands: Hands, exercise: Exercise, speed: float) -> Iterator[No
         yield
 
 
+def held_elsewhere(aside: float, part: float) -> Make:
+    """Lift, take hold aside, where the duct is deflected less, and anew; nothing is led back."""
+
+    def make(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+        assert isinstance(exercise.goal, Stay)
+        hands.grab(0, hands.task_grasp)
+        middle, start = band_middle(hands), 0.0
+        for _ in range(6):
+            for distance in steps(middle - start, speed):
+                hands.lift(start + distance)
+                yield
+            yield from wait(part * exercise.goal.seconds)
+            for place in (hands.task_grasp - aside, hands.task_grasp):
+                hands.grab(0, place)
+                yield
+            start = hands.planar.grasper.deflection
+
+    return make
+
+
+def hold_nearer_to_break(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
+    """Lift short of what is asked for, and take hold aside, where the wall is strained more."""
+    hands.grab(0, hands.task_grasp)
+    short = hands.planar.grasped.load_at(0.75)
+    assert short is not None
+    yield from raise_to(hands, short.deflection, speed)
+    yield from wait(0.5)
+    hands.grab(0, hands.task_grasp - 17.5)
+    yield from wait(3.0)
+
+
 def by_sliders(hands: Hands, exercise: Exercise, speed: float) -> Iterator[None]:
     """Make the wall stronger, and set the force in place of pulling."""
     hands.set_threshold(1.0)
@@ -400,6 +432,9 @@ CHEATS = (
             ("by sliders", by_sliders, (0.5, 2.0)),
         )
     ),
+    Cheat("hold_stretch", "hold elsewhere", held_elsewhere(2.0, 0.6), (1.0, 2.0)),
+    Cheat("approach_break", "hold nearer to it", hold_nearer_to_break, (1.0, 2.0)),
+    Cheat("gentle_lifts", "hold elsewhere", held_elsewhere(18.5, 1.2), (1.0, 2.0)),
     Cheat("gentle_lifts", "spring back", spring_back, (3.0, 5.0)),
     Cheat("critical_view", "tear it off", tear_off("gallbladder", 20.0), (5.0, 40.0)),
     Cheat("critical_view", "tear it aside", tear_off("gallbladder", 8.0, 0.8), (5.0, 40.0)),

@@ -61,6 +61,7 @@ class Tick(NamedTuple):
     distance: float = 0.5
     held: bool = True
     torn: bool = False
+    elsewhere: bool = False  # whether it is held at another place than before
 
 
 UP, DOWN = [Tick(0.1, 1.0), Tick(0.3, 3.0), *[Tick()] * 3], [Tick(0.3, 3.0), Tick(0.1, 1.0)]
@@ -78,6 +79,8 @@ def taken(exercise: Exercise, *series: Tick) -> Attempt:
     recorder = MadeUpRecorder(1.0, exercise.goal.band)
     attempt = Attempt(exercise, recorder)  # pyright: ignore[reportArgumentType]
     for each in series:
+        if each.elsewhere:
+            recorder.regrasp()
         recorder.add(
             each.force,
             (0.0, 0.0, each.deflection),
@@ -107,6 +110,13 @@ def test_a_hold_counts_only_unbroken_time_in_the_band() -> None:
     assert taken(HOLD, *[there] * 5, off, *[there] * 5).outcome is None
     assert taken(HOLD, *[there] * 5, Tick(held=False), *[there] * 5).outcome is None
     assert taken(HOLD, *[Tick(deflection=4.5)] * 6).outcome is not None
+    # Another hold leads it there anew: elsewhere it has another deflection, and nothing moved.
+    elsewhere = taken(HOLD, *[there] * 5, Tick(elsewhere=True), *[there] * 9)
+    assert elsewhere.outcome is None
+    assert elsewhere.standing == "out of the band, and into it with this hold"
+    again = [off, *[there] * 5]
+    assert taken(HOLD, there, Tick(elsewhere=True), *again).outcome is None
+    assert taken(HOLD, there, Tick(elsewhere=True), *again, there).outcome is not None
 
 
 def test_a_hold_fails_by_force_by_a_tear_and_by_time() -> None:
@@ -150,6 +160,9 @@ def test_a_gentle_dissection_is_lifted_held_and_led_back_as_often_as_it_says() -
     assert taken(GENTLE, *short, *short, *UP, *DOWN).outcome is None
     slipped = [*UP, Tick(0.0, 3.0, held=False), Tick(0.0, 0.0, held=False)]
     assert taken(GENTLE, *slipped, *slipped, *UP, *DOWN).outcome is None
+    # Nor is what is held elsewhere, where it is deflected less.
+    aside = [*UP, Tick(0.1, 1.0, elsewhere=True), Tick(elsewhere=True)]
+    assert taken(GENTLE, *aside, *aside, *UP, *DOWN).progress == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 import pytest
+from rich.console import Console
 
 from app.anatomy import drawn_anatomy
 from app.simulation import (
@@ -23,6 +24,7 @@ from app.simulation import (
 )
 from app.simulation.exercises.exercise import Opening
 from app.trainer.client.picture_series import KINDS, PICTURES, PictureSeries
+from benchmarks.blind_answers import ORDERS, measure_blind_answers
 
 SHORT, DOUBLE, COVERED = 20, 80, 12
 
@@ -149,6 +151,20 @@ def test_a_series_counts_what_was_right() -> None:
     assert series.score == "7 of 10 pictures right."
     series.begin_anew()
     assert (series.over, series.answers) == (False, [])
+
+
+@pytest.mark.long
+def test_no_rule_that_looks_at_no_anatomy_is_right_at_more_than_half_of_a_round() -> None:
+    """The best of all orders names most of what is open, and is deceived by the rest."""
+    found = measure_blind_answers(Console(quiet=True))
+    assert found["pictures"] == sum(len(kind.seeds) for kind in KINDS.values())
+    assert found["not yet safe"] == pytest.approx(0.5 * PICTURES)
+    assert found["to be named"] == pytest.approx(0.5 * PICTURES)
+    assert 0.0 < found["by lot"] < 0.1
+    rules = {name: found[name]["named"] for name in (*ORDERS, "any orders", "three places")}
+    assert max(rules.values()) == rules["any orders"] < 0.7 * found["to be named"]
+    assert rules["three places"] < 0.2 * found["to be named"]
+    assert all(found[name]["at others"] <= named for name, named in rules.items())
 
 
 def test_an_opening_that_cannot_be_is_refused() -> None:

@@ -123,6 +123,7 @@ class _Staying:
         self._done = self._ticks = self._longest = 0
         self._near = 0.0  # how far it has come on its way to the band, 0 to 1
         self._back = False  # whether it was there long enough and is to be led back
+        self._holds, self._led = 0, True  # how many, and whether the last one has led it there
         self._show()
 
     def take(self, recorder: MetricsRecorder) -> bool:
@@ -131,15 +132,22 @@ class _Staying:
         value: float = getattr(recorder, goal.quantity)
         if self._done == goal.repeats:
             return True
-        if not recorder.held:
-            self._back = False  # it was released and sprang back, which is not led back
+        inside = goal.low <= value <= goal.high
+        # Held elsewhere it has another deflection and another stress, although no hand has led it;
+        # and what was released has sprung back.
+        if recorder.holds != self._holds:
+            self._led, self._holds = self._holds == 0, recorder.holds
+            self._back, self._ticks = False, 0
+        elif not recorder.held:
+            self._back = False
+        self._led |= not inside
         if self._back:
             if recorder.deflection_mm <= (goal.return_below or 0.0):
                 self._next()
         else:
             approach = (value - self._rest) / (self._edge - self._rest) if self._edge else 1.0
             self._near = max(self._near, min(approach, 1.0))
-            there = recorder.held and goal.low <= value <= goal.high
+            there = recorder.held and self._led and inside
             self._ticks = min(self._ticks + 1, self._wanted) if there else 0
             self._longest = max(self._longest, self._ticks)
             if self._ticks == self._wanted:
@@ -169,6 +177,8 @@ class _Staying:
             what = "lead it back"
         elif self._ticks:
             what = f"keep it, {seconds:.1f} s to go"
+        elif not self._led:
+            what = "out of the band, and into it with this hold"
         else:
             what = "into the band"
         self.standing, self.so_far = what, f"it held {self._held():.1f} of {goal.seconds:g} s"

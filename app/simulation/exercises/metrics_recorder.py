@@ -32,6 +32,11 @@ class MetricsRecorder(Protocol):
         ...
 
     @property
+    def holds(self) -> int:
+        """How many holds there have been; elsewhere on the duct it is another one."""
+        ...
+
+    @property
     def deflection_mm(self) -> float:
         """Of the place that is held, now."""
         ...

@@ -203,6 +203,11 @@ class DissectionRecorder:
         return any(hand.node is not None for hand in self.duct.hands)
 
     @property
+    def holds(self) -> int:
+        """How many holds there have been, of all hands."""
+        return sum(hand.holds for hand in self.duct.hands)
+
+    @property
     def deflection_mm(self) -> float:
         """Of the place that is pulled hardest, now."""
         return self.duct.reading().deflection

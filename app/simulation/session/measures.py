@@ -73,9 +73,9 @@ class PullMetrics:
     """Takes the measures tick by tick, with the same few operations at each tick.
 
     `task_threshold` is the force, N, above which time is counted. `band` is the goal's deflections,
-    mm, or None. So far: `ticks`, `maximum_force` (N), `maximum_loading_rate` (N/s) and `overshoot`
-    (over the band's middle deflection; None without a band). In the last tick: `force` (N),
-    `deflection_mm`, `distance_to_break` and `held`; no strands hold it: `stretches` is empty.
+    mm, or None. So far: `ticks`, `holds`, `maximum_force` (N), `maximum_loading_rate` (N/s) and
+    `overshoot` (over the band's middle deflection; None without a band). In the last tick: `force`
+    (N), `deflection_mm`, `distance_to_break` and `held`; no strands hold it: `stretches` is empty.
 
     The smoothness is -ln(T^3 / v^2 * integral of |x'''|^2 dt) of the hook's path, with T the time
     that it moves and v its peak speed. The third derivative is the third difference of its last
@@ -85,7 +85,7 @@ class PullMetrics:
     def __init__(self, task_threshold: float, band: tuple[float, float] | None = None) -> None:
         self._threshold, self._band = task_threshold, band
         self._finder = PullErrorFinder()
-        self.ticks = self._ticks_held = 0
+        self.ticks = self.holds = self._ticks_held = 0
         self.maximum_force = self.maximum_loading_rate = self._force_sum = 0.0
         self.overshoot = None if band is None else 0.0
         self._forces = (0.0,) * RATE_TICKS  # of the last ticks of the present hold, newest first
@@ -159,6 +159,7 @@ class PullMetrics:
         self._ticks_held += held
         if held:
             if self._held == 0:
+                self.holds += 1
                 self._forces = (size,) * RATE_TICKS
             grown = (size - self._forces[-1]) / RATE_SECONDS
             self.maximum_loading_rate = max(self.maximum_loading_rate, grown)
