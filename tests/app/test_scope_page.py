@@ -557,7 +557,7 @@ def test_a_free_camera_looks_from_elsewhere_and_the_scope_stays_as_it_is(
 
         is_through_scope()
         assert corners(through).max() == 0.0  # it is round
-        keys.press("a")
+        keys.press("Shift+V")
         tab.page.wait_for_function(FREE)
         assert_allclose(tab.rest()[0], page.camera.tip, atol=1e-3)
         free = page.pixels()
@@ -576,7 +576,7 @@ def test_a_free_camera_looks_from_elsewhere_and_the_scope_stays_as_it_is(
         page.check_pose()
         assert session.spatial.pose == logged
         assert session.run_file().log.inputs == inputs
-        keys.press("a")
+        keys.press("Shift+V")
         tab.eventually(is_through_scope)
         assert_allclose(page.pose()[:4], posed, atol=0.0)
         # The camera's head brightens it step by step.
@@ -585,12 +585,12 @@ def test_a_free_camera_looks_from_elsewhere_and_the_scope_stays_as_it_is(
         # A replay may be looked at so, and the run of an exercise may not.
         view.state.start_replay(session.run_file())
         tab.wait_until(lambda: view.state.playback is not None)
-        keys.press("a")
+        keys.press("Shift+V")
         tab.page.wait_for_function(FREE)
         view.state.leave_replay()
         view.state.start_exercise(exercise, Feedback.CONTINUOUS)
         tab.eventually(is_through_scope)
-        keys.press("a")
+        keys.press("Shift+V")
         refused = tab.page.get_by_text(ONLY_THROUGH_SCOPE)
         refused.wait_for(state="attached")
         is_through_scope()

@@ -10,7 +10,7 @@ from app.trainer.panel.dialog import dialog
 from app.trainer.viser_bridge.page import begin_html, letter_keys_on, set_letter_keys
 
 Hotkey = Literal[
-    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L", "B", "K", "U", "Y", "I", "A",
+    "R", "T", "P", "H", "V", "X", "N", "G", "O", "C", "Z", "J", "L", "B", "K", "U", "Y", "I",
     "arrowup", "arrowdown", "arrowleft", "arrowright",
 ]  # fmt: skip
 

@@ -136,7 +136,13 @@ KEYS = (
     Key("T", "T", "Tip or handle", "which end of an instrument is led"),
     Key("N", "N", "Next instrument", "for the hand that is led"),
     Key("Z", "Z", "Other scope", "straight or oblique"),
-    Key("A", "A", "Free camera", "from all sides, or through the scope again; not in an exercise"),
+    Key(
+        "Shift+V",
+        "V",
+        "Free camera",
+        "from all sides, or the scope again; not in an exercise",
+        "shift",
+    ),
     Key("B", "B", "Wipe the lens", "when blood has jetted at it, or it has touched tissue"),
     Key("J", "J", "Turn left", "the jaws about their shaft, or the scope's cable"),
     Key("L", "L", "Turn right", "the jaws about their shaft, or the scope's cable"),
@@ -146,7 +152,7 @@ KEYS = (
     Key("P", "P", "Pause or go on", "time stands still; not in an exercise"),
     Key("R", "R", "Reset", "all whole again"),
 )
-ALWAYS = ("Z", "V", "A")
+ALWAYS = ("Z", "V", "Shift+V")
 """Keys that act while a replay is shown, too."""
 TEXT = """\
 **The mouse.** Press in the picture and the tip goes under the pointer; drag it, or what it holds.
@@ -183,9 +189,9 @@ cable, by **J** and **L** or **Shift** with the wheel, where an oblique scope lo
 shows what was seen, until you move the scope; **V** goes on with it. Blood that jets, and touch,
 soil its lens; the key **B** wipes it.
 
-**The free camera.** **A** shows the same tissue from all sides, to explain it: drag in the picture
+**The free camera.** **Shift+V** shows the same tissue from all sides: drag in the picture
 to turn it, and the wheel comes nearer. The scope stays where it is, and the run keeps what it sees;
-**A** looks through it again. In an exercise there is none; in a replay of one, and for a teacher
+**Shift+V** looks through it again. In an exercise there is none; in a replay of one, and for a teacher
 who watches one, there is.
 
 **What is computed.** Each tube is a beam in space, each strand a spring that yields, parts and
@@ -519,7 +525,7 @@ class ScopePanel:
             "T": lambda: self._choose_led_by("tip" if lead.by_handle else "handle"),
             "N": lead.choose_next_instrument,
             "Z": lead.change_scope,
-            "A": lead.switch_camera,
+            "Shift+V": lead.switch_camera,
             "B": lead.wipe_lens,
             "J": lambda: self._turn("left"),
             "L": lambda: self._turn("right"),
