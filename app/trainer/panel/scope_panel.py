@@ -189,10 +189,10 @@ cable, by **J** and **L** or **Shift** with the wheel, where an oblique scope lo
 shows what was seen, until you move the scope; **V** goes on with it. Blood that jets, and touch,
 soil its lens; the key **B** wipes it.
 
-**The free camera.** **Shift+V** shows the same tissue from all sides: drag in the picture
-to turn it, and the wheel comes nearer. The scope stays where it is, and the run keeps what it sees;
-**Shift+V** looks through it again. In an exercise there is none; in a replay of one, and for a teacher
-who watches one, there is.
+**The free camera.** **Shift+V** shows the same tissue from all sides: drag in the picture to turn
+it, and the wheel comes nearer. The scope stays where it is, and the run keeps what it sees;
+**Shift+V** looks through it again. In an exercise there is none; in a replay of one, and for a
+teacher who watches one, there is.
 
 **What is computed.** Each tube is a beam in space, each strand a spring that yields, parts and
 never heals. A wall tears where normal + bending stress is over its strength. Blood and bile flow
