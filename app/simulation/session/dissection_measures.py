@@ -107,7 +107,7 @@ class DissectionRecorder:
         self.exercise = exercise
         self.duct, self.broken_by_touch = duct, duct.broken_by_touch
         self._started = False
-        self.ticks = self._torn_at = 0
+        self.ticks = self._torn_at = self._torn_tube = 0
         self._hands, self._sums = np.zeros((HANDS, PLACE + 3)), np.zeros(RATIOS + RATE_TICKS)
         self._hands[:, HOLDING:ALONG], self._sums[TIME_TO_BREAK] = 1.0, math.inf
         self._by_hand = np.zeros(HANDS, np.int64)
@@ -125,7 +125,8 @@ class DissectionRecorder:
         self._before = self._broken = duct.broken
         _note_energies(duct.beam.state.sums, self._sums)
         self._hands[:, PLACE:] = [hand.place for hand in duct.hands]
-        self._torn, self._lost = duct.torn, self._lost_now
+        self._lost = self._lost_now
+        self._take_tear()
         self._measure_freed()
         exercise = self.exercise
         self._finder = (
@@ -133,6 +134,12 @@ class DissectionRecorder:
             if exercise is None
             else ErrorFinder(duct, exercise.limit_of, exercise.about)
         )
+
+    def _take_tear(self) -> None:
+        """Note the first tear, its tube and when it came: a run is kept after its duct is whole."""
+        self._torn, self._torn_at = self.duct.torn, self.ticks
+        if self._torn is not None:
+            self._torn_tube = self.duct.tears.index(self._torn)
 
     def _measure_freed(self) -> None:
         self.freed = self.duct.freed
@@ -143,9 +150,9 @@ class DissectionRecorder:
         """Take one tick, in which something moved or all stood still."""
         self.ticks += 1
         duct = self.duct
+        self._lost = self._lost_now
         if self._torn is None:
-            self._torn_at = self.ticks
-        self._torn, self._lost = duct.torn, self._lost_now
+            self._take_tear()
         if len(duct.pose) >= SCOPE_NUMBERS:
             self._take_scope(duct.pose)
         state, (a, b), (force, other) = duct.beam.state, duct.hands, duct.forces
@@ -304,7 +311,7 @@ class DissectionRecorder:
             normal_stress_MPa=torn.normal_stress,
             bending_stress_MPa=torn.bending_stress,
             threshold_MPa=torn.threshold,
-            tube=self._name(self.duct.tears.index(torn)),
+            tube=self._name(self._torn_tube),
         )
 
     def _name(self, tube: int) -> str | None:
