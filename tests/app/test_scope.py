@@ -2,7 +2,7 @@
 
 import math
 import re
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -82,6 +82,7 @@ from app.simulation.tissue.jaw_steps import (
     JawSteps,
 )
 from app.simulation.tissue.parting import PartingPlaces
+from app.simulation.tissue.reached_tube import MISSED, pointed_at
 from app.simulation.tissue.spatial_tissue import SpatialTissue
 from app.trainer.client.asked_step import JUDGED_TICKS, USED_TICKS, AskedStep
 from app.trainer.client.page_state import PageState
@@ -1834,6 +1835,37 @@ def test_jaws_whose_shaft_lies_along_the_bar_need_no_turn(
     step = NextStep("", np.zeros(0, np.int64), along=(x, y, z), hand=1)
     monkeypatch.setattr(AskedStep, "step", step)
     assert lead.asked.turn == 0.0
+
+
+@given(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7))
+@settings(deadline=None, max_examples=100)
+def test_what_is_met_is_pointed_at_before_what_is_missed_by_little(right: float, up: float) -> None:
+    """Also where that lies before it: the gallbladder's edge before the cystic artery."""
+    tissue, held = pointed_tissue()
+    wide, bed, camera = math.tan(0.5 * FIELD_OF_VIEW), tissue.beam, held.camera
+    ray = camera.axes @ np.array([wide * right, wide * up, -1.0])
+    ray /= np.linalg.norm(ray)
+    missed: list[float] = []
+    for name, tube in bed.network.tubes.items():
+        stations = bed.stations_of(name)
+        fine = np.linspace(0.0, float(stations[-1]), 4 * len(stations))
+        off = np.linalg.norm(np.cross(bed.places_at(fine, name) - camera.tip, ray), axis=1)
+        missed.append(float((off - np.interp(fine, tube.stations, tube.radius)).min()))
+    found = pointed_at(bed, camera.tip, ray)
+    least = min(missed)
+    if least > MISSED:
+        assert found is None
+    else:
+        assert found is not None
+        assert missed[found[0]] <= max(least, 0.0) + 1e-12
+
+
+@cache
+def pointed_tissue() -> tuple[SpatialTissue, HeldScope]:
+    """Return an anatomy's tissue, and a scope that looks at it."""
+    anatomy = anatomy_named("normal")
+    session = Session(Specimen.of_anatomy(anatomy), vertices=300)
+    return session.spatial, HeldScope(anatomy_network(anatomy))
 
 
 def test_the_wheel_leads_the_scope_while_structures_are_pointed_at(

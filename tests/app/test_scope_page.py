@@ -877,6 +877,8 @@ def test_the_score_of_who_is_who_is_kept_in_a_page_loaded_anew(
         view._practice.series.begin_anew()
         seeds = view._practice.series.seeds
         score = tab.page.get_by_test_id("score")
+        before = view.session.specimen.anatomy
+        assert before is not None
         for number in (1, 2):
             tab.open("Learn")
             tab.choose("Exercise", "Who is who")
@@ -889,8 +891,21 @@ def test_the_score_of_who_is_who_is_kept_in_a_page_loaded_anew(
             tab.press("Not yet safe")
             expect(score).to_contain_text(f"of {number} pictures right so far, of 10.")
             tab.page.reload()
-            tab.wait_until(lambda before=view: _newest(calot, "calot") is not before)
-        assert len(_newest(calot, "calot").state.series.answers) == 2
+            tab.wait_until(lambda left=view: _newest(calot, "calot") is not left)
+            # Reset, and another exercise, go on at the anatomy of before the pictures.
+            expect(tab.page.get_by_test_id("goal")).to_be_visible()
+            if number == 1:
+                tab.page.keyboard.press("r")
+            else:
+                tab.open("Learn")
+                tab.choose("Exercise", "First view")
+                tab.press("Start")
+            tab.wait_until(lambda: _newest(calot, "calot").session.specimen.anatomy == before)
+        tab.wait_until(lambda: _newest(calot, "calot").state.in_exercise)
+        view = _newest(calot, "calot")
+        assert view.session.run.exercise is not None
+        assert view.session.run.exercise.name == "first_view"
+        assert len(view.state.series.answers) == 2
 
 
 def test_a_page_that_draws_slowly_gets_the_simple_picture_by_itself(

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 REACH = 3.5
 """mm from a tube's wall at which jaws can still close on it."""
 MISSED = 0.5
-"""mm beside a wall at which it is still pointed at."""
+"""mm beside a wall at which it is still pointed at, where nothing else is."""
 Side = Literal["in front of", "behind", "beside"]
 """Of a tube, as it is seen."""
 BESIDE = math.sin(math.radians(30.0))
@@ -117,20 +117,22 @@ def seen_beside(
 def pointed_at(beam: BeamOnBed, eye: Floats, direction: Floats) -> tuple[int, float] | None:
     """Return the number of the tube seen first along a direction, (3,), and the station, mm."""
     direction = direction / math.sqrt(float((direction * direction).sum()))
-    nearest, found = math.inf, None
+    least, found = (math.inf, math.inf), None
     for number, (name, tube) in enumerate(beam.network.tubes.items()):
         stations = beam.stations_of(name)
         fine = np.linspace(0.0, float(stations[-1]), 4 * len(stations))
         offset = beam.places_at(fine, name) - eye
         deep = (offset * direction).sum(axis=1)
         radius = np.interp(fine, tube.stations, tube.radius)
-        # A finger is less exact than a mouse: what is missed by so little is meant.
-        off = np.sqrt(((offset - deep[:, None] * direction) ** 2).sum(axis=1)) - MISSED
-        wall = deep - np.sqrt(np.maximum(radius**2 - np.maximum(off, 0.0) ** 2, 0.0))
-        wall[(off > radius) | (deep <= 0.0)] = math.inf
-        at = int(wall.argmin())
-        if wall[at] < nearest:
-            nearest, found = float(wall[at]), (number, float(fine[at]))
+        off = np.sqrt(((offset - deep[:, None] * direction) ** 2).sum(axis=1))
+        wall = deep - np.sqrt(np.maximum(radius**2 - off**2, 0.0))
+        # A finger is less exact than a mouse: what is missed by little is meant, if none is met.
+        missed = np.maximum(off - radius, 0.0)
+        missed[(missed > MISSED) | (deep <= 0.0)] = math.inf
+        at = int(np.lexsort((wall, missed))[0])
+        this = float(missed[at]), float(wall[at])
+        if this[0] < math.inf and this < least:
+            least, found = this, (number, float(fine[at]))
     return found
 
 

@@ -119,6 +119,8 @@ class PageState:
         self.series = PictureSeries()
         self.next_picture: Callable[[], object] = lambda: None
         """Shows the next picture of the series, in another anatomy."""
+        self.leave_pictures: Callable[..., bool] = lambda *_: False
+        """Goes on, with an exercise or without, at the anatomy of before the pictures, if any."""
         self.photographs: list[bytes] = []
         """Of this run, for the record: the last two that were taken, front and back."""
         self.pulls = 0  # number of changes of the pull that no slider has made

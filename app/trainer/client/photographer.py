@@ -3,7 +3,10 @@
 from app.classroom.photograph import photograph_of
 from app.trainer.client.page_state import BRIEF_SECONDS, PageState
 
-BACK_NEXT = "It is of the front. For one of the back swing the gallbladder over, and press H."
+BACK_NEXT = (
+    "It is of the front, for the record. For one of the back, too, swing the gallbladder over and "
+    "press H."
+)
 BOTH_KEPT = "Front and back go with the result."
 
 

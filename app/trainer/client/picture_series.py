@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from app.anatomy import Anatomy
 from app.simulation import Exercise, Outcome
 
 
@@ -40,6 +41,8 @@ class PictureSeries:
     exercise: Exercise | None = None  # of the picture that is shown
     answers: list[Outcome] = field(default_factory=list[Outcome])
     seeds: list[int] = field(default_factory=list[int])  # of the round
+    anatomy: Anatomy | None = None  # of the last picture
+    before: Anatomy | None = None  # shown before the first picture
 
     def __post_init__(self) -> None:
         """Draw the first round."""

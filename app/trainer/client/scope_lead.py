@@ -877,7 +877,12 @@ class ScopeLead:
         self._state.show()
 
     def give_scope_back(self) -> None:
-        """Give the scope back to the assistant, or in a replay show what was seen."""
+        """Give the scope back to the assistant, and lead a hand again.
+
+        In a replay it shows what was seen.
+        """
+        if self.leads_scope:
+            self.choose(self.hand)
         # Nobody leads it back while time stands still.
         self.held.home() if self._state.paused else self.held.give_back()
         self._state.show()

@@ -103,7 +103,7 @@ def next_time(
         again = f" That was an error in {tried} of {len(tries)} tries." * (tried > 1)
         return f"{last.instead}{again}"
     if outcome is not None and outcome.passed:
-        return "The same once more, so that it was no luck."
+        return "Do it once more, to show that it was no luck."
     if exercise.opening is not None and exercise.opening.torn is not None:
         return (
             "Lose no time: press on the cross, roll in until the tip is in the ring, then press G."

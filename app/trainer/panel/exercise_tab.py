@@ -114,7 +114,7 @@ class ExerciseTab:
         feedback = FEEDBACK.get(str(self._feedback.value), Feedback.CONTINUOUS)
         if exercise is not None and exercise.looks_only:
             self._state.attempt("Making the picture.", self._state.next_picture)
-        elif exercise is not None:
+        elif exercise is not None and not self._state.leave_pictures(exercise, feedback):
             self._state.start_exercise(exercise, feedback)
 
     def take_offers(self) -> None:

@@ -1,5 +1,6 @@
 """One client's panel at an anatomy: what to reach, the hands, the scope, and what is in hand."""
 
+import asyncio
 import html
 import math
 from collections.abc import Callable, Mapping
@@ -56,6 +57,10 @@ GOAL = (
     "Clear the triangle of fat and loose tissue, until two tubes alone run into the gallbladder. "
     "Tear nothing. Learn leads you there step by step."
 )
+LOOKS = (
+    "Choose a structure below, and press it in the picture. Where none can safely be told, choose "
+    "<i>Not yet safe</i>. You may move the scope (Y)."
+)
 Leads = Literal["left", "right", "scope"]
 LEADS: dict[Leads, tuple[str, str]] = {
     "left": ("Left hand", "Mouse and keys lead the left hand (X)"),
@@ -98,6 +103,7 @@ PLAIN = "Without webs and with fewer dots, for a machine without a graphics card
 ASSISTED = "The assistant holds the scope."
 ASSISTED_STILL = "The assistant holds it until you move it."
 YOU_HOLD = "You hold the scope. V gives it back."
+FREE_CAMERA = "A free camera: drag to turn it. Shift+V looks through the scope again."
 HOW_SCOPE = (
     "Drag in the picture to look aside; the wheel takes it in and out. J and L turn its cable, "
     "with Shift its camera's head and so the horizon. Y leads the hand again."
@@ -276,7 +282,7 @@ class ScopePanel:
         self._plain = gui.add_checkbox(SIMPLE_PICTURE, initial_value=self._state.plain, hint=PLAIN)
         on_input(self._plain, lambda value: self._state.show(plain=value is True))
         reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, hint="All whole again (R)")
-        on_click(reset, self._state.reset)
+        on_click(reset, self._reset)
 
     def show(self, reading: Reading) -> None:
         """Show a reading."""
@@ -296,6 +302,7 @@ class ScopePanel:
         self._scope.show("oblique" if lead.held.oblique else "straight")
         assisted = ASSISTED_STILL if lead.leads_scope else ASSISTED
         held = assisted if lead.held.assisted else YOU_HOLD
+        held = FREE_CAMERA if lead.free_camera else held
         set_if_changed(self._held, content=note(held, "scope"))
         self._show_goal()
         set_if_changed(self._readout, content=self._figures(reading))
@@ -342,7 +349,9 @@ class ScopePanel:
             bring_in(self._state.client, "next")
         words = html.escape(asked).replace("Next:", "<b>Next:</b>", 1)
         # The style of the page keeps room for three lines, and has the goal last on a phone.
-        content = note(words, "next") if asked else note(GOAL, "goal")
+        looks = run.exercise is not None and run.exercise.looks_only and not run.closed
+        goal = note(LOOKS if looks else GOAL, "goal")
+        content = note(words, "next") if asked else goal
         set_if_changed(self._goal, content=content)
 
     def _figures(self, reading: Reading) -> str:
@@ -449,6 +458,11 @@ class ScopePanel:
     def _choose_led(self, leads: Leads) -> None:
         self._lead.choose(None if leads == "scope" else ("left", "right").index(leads))
 
+    def _reset(self) -> None:
+        """Make all whole; after pictures of *Who is who*, at the anatomy of before them."""
+        if not self._state.leave_pictures():
+            self._state.reset()
+
     def _turn(self, side: Turn) -> None:
         self._lead.turn(-TURN if side == "left" else TURN)
 
@@ -532,7 +546,7 @@ class ScopePanel:
             "Shift+J": lambda: self._roll("left"),
             "Shift+L": lambda: self._roll("right"),
             "P": lambda: state.set_paused(not state.paused),
-            "R": state.reset,
+            "R": lambda: asyncio.get_running_loop().run_in_executor(None, self._reset),
             "V": lead.give_scope_back,
         }
         add_keys(state, KEYS, actions, ALWAYS)

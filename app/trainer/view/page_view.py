@@ -9,6 +9,7 @@ import viser
 from app.anatomy import Anatomy, anatomy_named, anatomy_network, drawn_anatomy
 from app.simulation import (
     Clock,
+    Exercise,
     ExerciseInputs,
     Feedback,
     Phase,
@@ -170,10 +171,35 @@ class PageView:
         exercise = exercise_at(anatomy, "who_is_who")
         if exercise is None:
             raise ValueError("this anatomy has no gallbladder to be told from ducts")
+        now = self.session.specimen.anatomy
+        if now is not None and now != series.anatomy:
+            series.before = now
+        series.anatomy = anatomy
         self.show_anatomy(anatomy)
         series.exercise = exercise
         self.state.start_exercise(exercise, Feedback.CONTINUOUS)
         open_tab(self.client, LEARN)
+
+    def leave_pictures(
+        self, exercise: Exercise | None = None, feedback: Feedback = Feedback.CONTINUOUS
+    ) -> bool:
+        """Show the anatomy of before the pictures again, and start an exercise there, if any.
+
+        Returns
+        -------
+        bool
+            Whether a picture was shown.
+        """
+        series, now = self._practice.series, self.session.specimen.anatomy
+        before = series.before
+        if before is None or now != series.anatomy or self.state.in_exercise:
+            return False
+        found = None if exercise is None else exercise_at(before, exercise.name)
+        self.state.attempt("Making the anatomy.", lambda: self.show_anatomy(before))
+        if found is not None:
+            self.state.start_exercise(found, feedback)
+            open_tab(self.client, LEARN)
+        return True
 
     def show_anatomy(self, anatomy: Anatomy) -> None:
         """Show an anatomy, if it is not shown yet."""
@@ -207,6 +233,7 @@ class PageView:
         )
         state.plain = plain
         state.series, state.next_picture = self._practice.series, self.show_picture
+        state.leave_pictures = self.leave_pictures
         look: Look = "plain" if plain else "full"
         # Before the scene, which else would be drawn once for the whole window.
         style_panel(self.client.gui)
