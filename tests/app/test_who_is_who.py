@@ -163,7 +163,9 @@ def test_no_rule_that_looks_at_no_anatomy_is_right_at_more_than_half_of_a_round(
     assert 0.0 < found["by lot"] < 0.1
     rules = {name: found[name]["named"] for name in (*ORDERS, "any orders", "three places")}
     assert max(rules.values()) == rules["any orders"] < 0.7 * found["to be named"]
-    assert rules["three places"] < 0.2 * found["to be named"]
+    # The best of 86 million is hardly right at pictures that it was not chosen by.
+    assert found["three places"]["at others"] < 0.1 * found["to be named"]
+    assert rules["three places"] < 0.25 * found["to be named"]
     assert all(found[name]["at others"] <= named for name, named in rules.items())
 
 
