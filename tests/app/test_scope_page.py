@@ -30,6 +30,7 @@ from app.simulation.exercises.critical_view import Part
 from app.simulation.scripts.performance import Script, Step
 from app.trainer.client.replay_playback import ReplayPlayback
 from app.trainer.client.scope_lead import NOTCH_MM, ONLY_THROUGH_SCOPE
+from app.trainer.panel.replay_tab import AFTER_EXERCISE, NO_RUN
 from app.trainer.panel.scope_panel import GOAL, HOW, TURN
 from app.trainer.scope.drawn_tissue import _roll
 from app.trainer.scope.pose import OBLIQUE, Camera
@@ -934,6 +935,11 @@ def test_an_exercise_asks_for_what_comes_next_and_counts_its_points(
         goal, asks = (tab.page.get_by_test_id(each) for each in ("goal", "next"))
         tabs = tab.page.get_by_role("tablist")
         expect(goal).to_have_text(GOAL)
+        # A run that is not there yet, or is still judged, is not replayed: the page says why.
+        replay = tab.page.get_by_role("button", name="Replay this run")
+        tab.open("Replay")
+        expect(tab.page.get_by_text(NO_RUN)).to_be_visible()
+        expect(replay).to_be_disabled()
         tab.open("Learn")
         tab.choose("Exercise", "First view")
         tab.press("Start")
@@ -947,6 +953,10 @@ def test_an_exercise_asks_for_what_comes_next_and_counts_its_points(
             assert tabs.bounding_box() == place
             tab.page.keyboard.press(key)
         expect(asks).not_to_contain_text("(N takes it.)")
+        tab.open("Replay")
+        expect(tab.page.get_by_text(AFTER_EXERCISE)).to_be_visible()
+        expect(replay).to_be_disabled()
+        tab.open("Learn")
         session.open_jaws(1, 0.1)  # with which the run begins
         session.open_jaws(1, 0.0)
         # What the hands part is parted here at once: the long tests have hands.

@@ -48,9 +48,9 @@ HOW: dict[Instrument, str] = {
 }
 """How an instrument is used at a bed, and a clip applier at an anatomy."""
 MARKS = (
-    "<b>Marks</b> Press on the ring, or the key I: the tip goes there by itself, and what it holds "
-    "while you press. <i>To the ring</i> is 'in it' then. J and L turn jaws along the bar. Bright "
-    "dots are strands to part.<br>"
+    "<b>Marks</b> Press on the ring, or the key I, and the tip goes there by itself; a tip that "
+    "holds tissue goes only while you press. <i>To the ring</i> says 'in it' once it is there. J "
+    "and L turn jaws along the bar. Bright dots are strands to part.<br>"
 )
 """What the marks of an exercise at an anatomy mean."""
 LEANS_DEG, LEANS_N = 8.0, 0.2

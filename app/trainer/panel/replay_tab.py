@@ -19,6 +19,8 @@ _TELLING = (
     "A run is kept as its inputs and made again from them, to the digit. It starts with the first "
     "input after a reset; <code>bluntdissect replay run.json</code> prints its measures."
 )
+NO_RUN = "There is no run yet. One begins with the first pull, or as jaws or a swab are led."
+AFTER_EXERCISE = "A run can be replayed and downloaded once its exercise is over."
 STEP = 0.01
 """Step of the time slider, s."""
 ERROR_PX = 84
@@ -42,6 +44,7 @@ class ReplayTab:
         self._leave = gui.add_button(
             "Leave the replay", icon=viser.Icon.ARROW_BACK_UP, color="gray", visible=False
         )
+        self._why_not = gui.add_html("", visible=False)
         self._this = gui.add_button("Replay this run", icon=viser.Icon.PLAYER_PLAY)
         # In a folder: viser shows an upload button whether it is visible or not.
         self._upload = gui.add_folder(None)
@@ -118,6 +121,8 @@ class ReplayTab:
         # Its room is kept: a button below it stays where it is.
         set_if_changed(self._error, content=f"<div style='min-height:{ERROR_PX}px'>{text}</div>")
         some = state.session.run.started or state.last_run is not None
+        why_not = AFTER_EXERCISE if state.in_exercise else "" if some else NO_RUN
+        set_if_changed(self._why_not, content=note(why_not), visible=not there and bool(why_not))
         for button in (self._this, self._json, self._csv):
             set_if_changed(button, disabled=not some or state.in_exercise)
         if playback is None:
