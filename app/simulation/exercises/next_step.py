@@ -65,7 +65,9 @@ SLACKEN = (
     "Next: let the {} back{} with the left hand until Highest stress is under {:.0f} %: "
     "the {} is strained."
 )
-WITHDRAW = "Next: draw the right hand's {} back a little (wheel back): it strains the {}."
+WITHDRAW = (
+    "Next: draw the right hand's {} back a little (wheel back, or Shift+Down): it strains the {}."
+)
 WITHDRAW_ALONG = (
     "Next: lead the right hand's {} back along its tip, into the ring: it strains the {}."
 )
