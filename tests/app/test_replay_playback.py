@@ -50,7 +50,9 @@ def test_the_last_moment_asked_for_by_any_thread_is_seen(
         playback.seek(ticks * TICK_SECONDS)
         playback.seek(math.nan)  # as from an empty field
         assert playback.time == pytest.approx(ticks * TICK_SECONDS)
+        assert playback.on_its_way
         counted = reached(playback)
+        assert not playback.on_its_way
         assert (counted == 1) is quick
         again.seek_tick(ticks)
         assert playback.session.reading() == again.session.reading()

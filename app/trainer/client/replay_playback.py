@@ -66,9 +66,14 @@ class ReplayPlayback:
         return (self._at if requested is self._served else requested[0]) * TICK_SECONDS
 
     @property
+    def on_its_way(self) -> bool:
+        """Whether a time that was asked for is not reached yet."""
+        return self._requested is not self._served
+
+    @property
     def at_end(self) -> bool:
         """Whether the end is reached."""
-        return self._at >= self._last and self._requested is self._served
+        return self._at >= self._last and not self.on_its_way
 
     def play(self) -> None:
         """Advance by itself from now on; from the start if the end is reached."""
@@ -124,7 +129,7 @@ class LivePlayback:
     live = True
     duration = time = 0.0  # it is now
     speed = 1  # whatever is chosen: it goes on as the other page does
-    playing = at_end = False
+    playing = at_end = on_its_way = False
     incidents: Sequence[Incident] = ()
     incident = None
 

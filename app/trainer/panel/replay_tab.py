@@ -21,6 +21,7 @@ _TELLING = (
 )
 NO_RUN = "There is no run yet. One begins with the first pull, or as jaws or a swab are led."
 AFTER_EXERCISE = "A run can be replayed and downloaded once its exercise is over."
+ON_ITS_WAY = "The run is made again up to there: the picture follows in a moment."
 STEP = 0.01
 """Step of the time slider, s."""
 ERROR_PX = 84
@@ -118,6 +119,8 @@ class ReplayTab:
         text = "" if there_now is None else _error_html(there_now, hands=not state.in_plane)
         if playback is not None and not playback.incidents:
             text = self._caption_html(playback.session)
+        if playback is not None and playback.on_its_way:
+            text = note(ON_ITS_WAY, "on-its-way")
         # Its room is kept: a button below it stays where it is.
         set_if_changed(self._error, content=f"<div style='min-height:{ERROR_PX}px'>{text}</div>")
         some = state.session.run.started or state.last_run is not None
@@ -180,6 +183,7 @@ class ReplayTab:
         if playback is not None:
             playback.seek(number(seconds))
             playback.pause()
+            self._state.show()
 
 
 def _error_html(each: Incident, *, hands: bool) -> str:
