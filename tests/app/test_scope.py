@@ -245,7 +245,7 @@ def test_a_scope_that_is_given_back_returns_without_a_jump(
         assert np.abs(np.outer(step, far) - np.outer(far, step)).max() < 1e-6  # straight
         before, ticks = held.pose, ticks + 1
     assert held.pose == home
-    assert ticks == math.ceil(least - 1e-6)
+    assert math.ceil(least - 1e-6) <= ticks <= math.ceil(least)
 
 
 def path(start: Pose, end: Pose) -> NDArray[np.float64]:
@@ -1386,7 +1386,9 @@ def test_what_comes_next_is_taken_by_a_key_and_drawn_while_all_rests(lead: Scope
     """To its ring counts from where a tip is led; once an instrument is used, it is found anew."""
     session = lead.session
     session.start_exercise(critical_view())
-    scene = SimpleNamespace(_led=lead, _session=session, _held=lead.held, _marks=((), None))
+    scene = SimpleNamespace(
+        _led=lead, _session=session, _held=lead.held, _marks=((), None), _free=False
+    )
     advance = partial(ScopeScene.advance, cast(Any, scene))
     for _ in range(100):  # until the assistant has led the scope to both tips
         advance(1)

@@ -178,8 +178,8 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab, view = page.tab, page.view
         tab.eventually(page.check_pose)
         assert tab.page.evaluate(IN_PLACE)
-        # Given back, the scope is seen at home at once, though nothing else moves; and a checkbox
-        # that was clicked keeps no keys.
+        # Given back, the scope is seen to come home, though nothing else moves; and a checkbox that
+        # was clicked keeps no keys.
         home = page.pose()
         tab.page.get_by_label("Mark what is next").click()
         tab.page.keyboard.press("y")
@@ -192,8 +192,7 @@ def test_the_picture_is_what_the_scope_sees(calot: Trainer, drawing_browser: Bro
         tab.wait_until(lambda: bool(np.abs(page.pose()[:4] - home[:4]).max() > 0.1))
         tab.page.keyboard.press("v")
         tab.wait_until(lambda: bool(np.abs(page.pose()[:4] - home[:4]).max() < 1e-3))
-        tab.page.keyboard.press("y")
-        expect(scope).to_have_attribute("aria-pressed", "false")
+        expect(scope).to_have_attribute("aria-pressed", "false")  # the hand is led again, too
         picture = page.pixels()
         for corner in (picture[:6, :6], picture[:6, -6:], picture[-6:, :6], picture[-6:, -6:]):
             assert corner.max() < 12.0

@@ -68,7 +68,7 @@ class Pose:
             math.remainder(other.head - self.head, whole),
         )
         steps = max(abs(far[2]) / slide, *(abs(far[each]) / turn for each in (0, 1, 3, 4)))
-        return other if steps <= 1.0 else self.moved(*(each / steps for each in far))
+        return other if steps <= 1.0 + 1e-9 else self.moved(*(each / steps for each in far))
 
     @property
     def numbers(self) -> tuple[float, float, float, float, float]:
