@@ -37,9 +37,7 @@ class Suction:
 
     def pooled_ml(self, fluid: str | None = None) -> float:
         """Return what is lost and not taken up, ml; of one fluid or of all."""
-        whole = self._lost_ml()
-        mine = whole if fluid is None else self._lost_ml(fluid)
-        return mine * self._left
+        return self._lost_ml(fluid) * self._left
 
     def reaches(self, tip: NDArray[np.float64], bed: BeamOnBed) -> bool:
         """Return whether something lies within reach of a tip, (3,) mm."""

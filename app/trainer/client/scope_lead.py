@@ -850,16 +850,9 @@ class ScopeLead:
     def _spread(self, hand: int, direction: Floats) -> None:
         self.session.spread(hand, np.round(direction, DIRECTION_DIGITS).tolist())
 
-    def move_scope(
-        self,
-        pan: float = 0.0,
-        tilt: float = 0.0,
-        depth: float = 0.0,
-        cable: float = 0.0,
-        head: float = 0.0,
-    ) -> None:
-        """Move the scope oneself, rad and mm."""
-        self.held.move(pan, tilt, depth, cable, head)
+    def move_scope(self, *by: float, **named: float) -> None:
+        """Move the scope oneself, rad and mm, as `Pose.moved`."""
+        self.held.move(*by, **named)
         self._state.show()
 
     def wipe_lens(self) -> None:

@@ -60,17 +60,10 @@ class HeldScope:
         self.scope = Laparoscope(self.scope.pivot, self.scope.base, angle)
         self.home()
 
-    def move(
-        self,
-        pan: float = 0.0,
-        tilt: float = 0.0,
-        depth: float = 0.0,
-        cable: float = 0.0,
-        head: float = 0.0,
-    ) -> None:
-        """Move the scope oneself; the assistant has let go of it from then on."""
+    def move(self, *by: float, **named: float) -> None:
+        """Move the scope oneself, as `Pose.moved`; the assistant has let go of it from then on."""
         self.assisted = False
-        self.pose = self.pose.moved(pan, tilt, depth, cable, head)
+        self.pose = self.pose.moved(*by, **named)
 
     def advance(self, tips: Sequence[Floats]) -> bool:
         """Let the assistant follow tips for a tick; return whether the scope has moved."""
